@@ -76,8 +76,27 @@ class SelectionPath:
 
 
 def select_effects(data: DiagnosisData, base: FittedModel) -> SelectionPath:
-    """Select the effects that explain the lack of fit of ``base``."""
+    """Select the effects that explain the lack of fit of ``base``.
+
+    Where a rival in place of one of them leaves noise alone and they do not, the rival is taken: of two explanations of
+    the same readings the one that these contradict is no explanation.
+    """
     path, rounds, unpromising = _forward(data, base)
+    found = _selected(data, base, path, rounds, unpromising)
+    if not found.terms or is_complete(data, found.last):
+        return found
+    rivals = [c for term in found.terms.values() for c in term.rivals if is_complete(data, c.full)]
+    return _selected(data, base, [base, best_candidate(rivals).full], rounds, unpromising) if rivals else found
+
+
+def _selected(
+    data: DiagnosisData,
+    base: FittedModel,
+    path: Sequence[FittedModel],
+    rounds: Sequence[Decisions],
+    unpromising: Sequence[Judgement],
+) -> SelectionPath:
+    """Return the selection path of what is probable among the effects of the last model of ``path``."""
     last, judgements, dropped_ones = _without_improbable(data, path)
     refused = [*unpromising, *dropped_ones]
     models, unguessable = _nested_models(data, base, last, path)

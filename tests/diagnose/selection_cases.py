@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ EFFECT_KEYS = {
         "needs",
         "parameters",
         "part",
+        "twins",
     )
 }
 
@@ -59,7 +61,11 @@ def data_of(case: dict[str, Any], **more: Any) -> SyntheticData:
         needs=of("needs"),
     )
     effects = [
-        effect(name, parameters=f.get("parameters", 1), part=f.get("part", "cylinder")) for name, f in stated.items()
+        replace(
+            effect(name, parameters=f.get("parameters", 1), part=f.get("part", "cylinder")),
+            twins=tuple(f.get("twins", ())),
+        )
+        for name, f in stated.items()
     ]
     return synthetic_data(effects, facts, **{"base_effects": tuple(case.get("given", ())), **more})
 
