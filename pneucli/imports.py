@@ -12,13 +12,14 @@ from typing import Any
 from pneucli.errors import InputError
 
 
-def library_of_extra(module: str, extra: str, where: str, name: str = "") -> Any:
+def library_of_extra(module: str, extra: str, where: object, name: str = "") -> Any:
     """Return a library that an extra installs; raises InputError where it is not there."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        found, mend = f"{name or module} is not installed", f"pip install 'pneucli[{extra}]'"
-        raise InputError(where, found, f"the extra {extra}", mend, code="E009") from error
+        found = f"{name or module.partition('.')[0]} is not installed"
+        mend = f"pip install 'pneucli[{extra}]'"
+        raise InputError(str(where), found, f"the extra {extra}", mend, code="E009") from error
 
 
 @contextmanager

@@ -49,7 +49,7 @@ def matching_files(text: str, folder: Path, where: str) -> list[Path]:
     ) or archive_members(path)
     for hit in found:
         require_printable(hit, where)
-    return sorted(found, key=_natural_order)
+    return sorted(found, key=natural_order)
 
 
 def matching_files_or_path(text: str, folder: Path, where: str) -> list[Path]:
@@ -119,7 +119,8 @@ def _matches(name: str, pattern: str) -> bool:
     return len(parts) == len(wanted) and all(map(fnmatchcase, parts, wanted))
 
 
-def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
+def natural_order(path: Path) -> list[tuple[bool, int, str]]:
+    """Return a key by which step_10 comes after step_9."""
     parts = re.split(r"(\d+)", str(path))
     return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 

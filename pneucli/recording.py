@@ -62,6 +62,10 @@ class Recording:
         """Median sampling period in s."""
         return float(np.median(np.diff(self.time)))
 
+    def noise_rms(self, signal: str) -> float:
+        """Return the standard deviation of a signal's noise in its SI unit; 0 where it is not known."""
+        return self.noise[signal].rms if signal in self.noise else 0.0
+
     def __contains__(self, signal: str) -> bool:
         return signal in self.signals
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 
 MAX_FALL = 0.25  # of the supply pressure above ambient

@@ -113,7 +113,7 @@ def _readings(recording: Recording) -> Iterator[Array]:
     for name in ("p1", "p2", "temperature", "x" if "x" in recording else "v"):
         if name in recording:
             y = recording[name][np.isfinite(recording[name])]
-            noise = recording.noise[name].rms if name in recording.noise else 0.0
+            noise = recording.noise_rms(name)
             if y.size and np.ptp(y) > MIN_RANGE_RATIO * noise:
                 yield y
 

@@ -13,8 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import counts_rows, is_increasing, may_be_clock, repeated_clocks
-from pneucli.init.clock_units import epoch_counter, guess_clock_unit, stated_period, unusual_rate
+from pneucli.init.clock_columns import (
+    counts_rows,
+    epoch_counter,
+    guess_clock_unit,
+    is_increasing,
+    may_be_clock,
+    repeated_clocks,
+    stated_period,
+    unusual_rate,
+)
 from pneucli.init.column_names import (
     ABSOLUTE,
     ANGLES,
@@ -30,12 +38,10 @@ from pneucli.init.column_names import (
     signal_scores,
     variants,
 )
-from pneucli.init.role_evidence import rivals, role_evidence
+from pneucli.init.role_evidence import guess_unnamed_columns, rivals, role_evidence
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import guess_unit, implausibility
-from pneucli.init.unnamed_columns import guess_unnamed_columns
-from pneucli.io.missing_marks import MarkDetector
-from pneucli.io.signal_repairs import COMMANDS
+from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.quantities import SIGNALS
 from pneucli.unit_table import ANR
 from pneucli.units import is_count, parse_unit, same_dimension

@@ -11,15 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import is_increasing
-from pneucli.init.clock_units import stated_period
+from pneucli.init.clock_columns import is_increasing, stated_period
 from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
 from pneucli.init.columns import ONLY_PRESSURE, guess_columns
 from pneucli.init.role_evidence import BY_ORDER
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
-from pneucli.io.clock_repairs import continuous_stamps
-from pneucli.paths import archive_members
+from pneucli.io.clock import continuous_stamps
+from pneucli.paths import archive_members, natural_order
 from pneucli.quantities import SIGNALS
 from pneucli.unit_table import STANDARD_ATMOSPHERE
 from pneucli.units import parse_unit, same_dimension
@@ -181,7 +180,7 @@ def _groups_of(alike: list[Survey]) -> Iterator[FileGroup]:
     for one in alike:
         groups.setdefault((one.path.parent, _NUMBER.sub("#", one.path.stem), one.path.suffix), []).append(one)
     for files in groups.values():
-        ordered = sorted(files, key=lambda one: natural_sort_key(one.path))
+        ordered = sorted(files, key=lambda one: natural_order(one.path))
         if file := _glob([one.path for one in ordered]):
             yield FileGroup(ordered, file, (), signals, idle)
         else:
@@ -195,11 +194,6 @@ def _common(alike: list[Survey]) -> tuple[list[Survey], list[Column]]:
     extra = {key: column for columns in by_key for key, column in columns.items() if key not in common}
     same = zip(alike, by_key, strict=True)
     return [replace(one, columns=[columns[key] for key in common]) for one, columns in same], list(extra.values())
-
-
-def natural_sort_key(path: Path) -> list[tuple[float, str]]:
-    """Return a key by which step_10 comes after step_9."""
-    return [(float(n or 0), text) for text, n in re.findall(r"(\D*)(\d*)", path.name)]
 
 
 def _glob(paths: Sequence[Path]) -> str:
@@ -216,22 +210,12 @@ def _glob(paths: Sequence[Path]) -> str:
 
 def _hold_out(found: Sequence[FileGroup]) -> list[FileGroup]:
     """Hold out the middle one of each kind that moves; of files that are alone in theirs, one of each experiment."""
-    alone: dict[object, list[FileGroup]] = {}
+    moving: dict[object, list[Survey]] = {}
     for kind in found:
-        if len(kind.surveys) == 1:
-            alone.setdefault(tuple(sorted(kind.guesses_by_signal)), []).append(kind)
-    chosen = [
-        _middle([one for kind in group for one in kind.surveys if is_moving(kind, one)]) for group in alone.values()
-    ]
-    chosen += [
-        _middle([one for one in kind.surveys if is_moving(kind, one)]) for kind in found if len(kind.surveys) > 1
-    ]
-    held = {id(one) for one in chosen if one}
+        alike = kind if len(kind.surveys) > 1 else tuple(sorted(kind.guesses_by_signal))
+        moving.setdefault(alike, []).extend(one for one in kind.surveys if is_moving(kind, one))
+    held = {id(own[len(own) // 2]) for own in moving.values() if len(own) > 1}
     return [replace(k, held_out=[one for one in k.surveys if id(one) in held]) for k in found]
-
-
-def _middle(moving: Sequence[Survey]) -> Survey | None:
-    return moving[len(moving) // 2] if len(moving) > 1 else None
 
 
 def is_moving(kind: FileGroup, one: Survey) -> bool:

@@ -15,15 +15,14 @@ from pneucli.init.column_names import read_name
 from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
-from pneucli.io.channel_clocks import align_tables
-from pneucli.io.clock_repairs import CounterClock, continuous_stamps
+from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
 from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, is_unit, sniff, stated_numbers
-from pneucli.io.timestamp_order import NEWEST_FIRST, Table, falls
+from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls
 from pneucli.paths import file_on_disk
 from pneucli.units import parse_unit, same_dimension
 
@@ -145,7 +144,7 @@ def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
 
 def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[Column], dict[str, ColumnValues]]:
     """Return the columns of numbers, and those of text by their keys."""
-    numbers = [n for n in range(len(reader.names)) if n not in reader.labels | reader.dates]
+    numbers = [n for n in range(len(reader.names)) if n not in {*reader.labels, *reader.dates}]
     asks = [ColumnRequest(n, thousands=found.thousands.get(n)) for n in numbers]
     labels = [ColumnRequest(n, text=True) for n in sorted(reader.labels)]
     read = _read(reader, [*asks, *labels])

@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.init.clock_units import is_rate, stated_period
+from pneucli.init.clock_columns import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -17,13 +16,13 @@ import pyarrow as pa
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time, parse_since
 from pneucli.io.damaged_files import library_errors_as_input_errors
-from pneucli.io.raw_file import ColumnRequest, ColumnValues, Repair
+from pneucli.io.raw_file import ColumnRequest, ColumnValues, Reader, Repair
 
 FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
 
 
 @dataclass
-class ColumnReader:
+class ColumnReader(Reader):
     """A file of the format ``format``; ``fetch`` opens it and returns the columns of the given names, no others.
 
     Columns are arrays of numbers, of calendar time, or of texts; ``texts`` are those that are neither numbers nor
@@ -65,31 +64,31 @@ class ColumnReader:
         own = {"start": start, "own_clocks": clocks, "shared_clocks": shared, "texts": texts}
         return cls(path, format, list(columns), lambda wanted: [columns[name] for name in wanted], units, **own)  # type: ignore[arg-type]
 
-    @property
-    def units(self) -> Mapping[int, str]:
-        """The units that the file itself says, by position (from 0)."""
-        return {n: unit for n, name in enumerate(self.names) if (unit := self.own_units.get(name))}
+    @classmethod
+    def of_arrays(
+        cls,
+        path: Path,
+        format: str,
+        shapes: Mapping[str, Sequence[int]],
+        load: Callable[[Collection[str]], Mapping[str, ColumnValues]],
+    ) -> ColumnReader:
+        """Return the reader of arrays by name, each a column or a matrix of them; ``load`` reads the named ones."""
+        owner = {column: name for name, shape in shapes.items() for column in column_names(name, shape)}
 
-    @property
-    def clocks(self) -> Mapping[int, int]:
-        """The position of the stamps of each column whose clock the file knows, by the position of the column."""
+        def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
+            arrays = load(dict.fromkeys(owner[name] for name in wanted).keys())
+            columns = {key: one for name, array in arrays.items() for key, one in split_columns(name, array).items()}
+            return [np.ravel(columns[name]) for name in wanted]
+
+        return cls(path, format, list(owner), fetch)
+
+    def __post_init__(self) -> None:
         place = {name: number for number, name in enumerate(self.names)}
-        return {
-            place[name]: place[clock] for name, clock in self.own_clocks.items() if name in place and clock in place
-        }
-
-    @property
-    def clock_names(self) -> Collection[int]:
-        """The positions of the columns that stand for every column's own clock."""
-        return self._places(self.shared_clocks)
-
-    @property
-    def labels(self) -> Collection[int]:
-        """The positions of columns of text that is neither numbers nor stamps."""
-        return self._places(self.texts)
-
-    def _places(self, names: Collection[str]) -> Collection[int]:
-        return frozenset(number for number, name in enumerate(self.names) if name in names)
+        known = self.own_clocks.items()
+        self.units = {n: unit for n, name in enumerate(self.names) if (unit := self.own_units.get(name))}
+        self.clocks = {place[name]: place[clock] for name, clock in known if name in place and clock in place}
+        self.clock_names = frozenset(n for n, name in enumerate(self.names) if name in self.shared_clocks)
+        self.labels = frozenset(n for n, name in enumerate(self.names) if name in self.texts)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows at once; raises InputError where the columns differ in length."""
@@ -122,16 +121,6 @@ class ColumnReader:
     def locate(self, row: int) -> str:
         """Return file and row (from 1)."""
         return f"{self.path}, row {row + 1}"
-
-
-def import_extra(module: str, extra: str, path: Path, found: str = "") -> Any:
-    """Import what a format needs; raises InputError that names the extra where it is not installed."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        wanted = f'the extra "{extra}"'
-        found = found or f"{module} is not installed"
-        raise InputError(str(path), found, wanted, f'pip install "pneucli[{extra}]"', code="E042") from error
 
 
 def column_names(name: str, shape: Sequence[int]) -> list[str]:
@@ -195,7 +184,7 @@ def is_label_column(texts: Collection[Any]) -> bool:
     return bool(known) and 2 * values <= len(known)
 
 
-def number_in(text: str) -> float:
+def number_in(text: str | float) -> float:
     """Return the number that a text is, NaN where it is none."""
     try:
         return float(text)

@@ -84,7 +84,7 @@ def _capture_logs(notes: list[str]) -> Iterator[None]:
     own = [
         log
         for name, log in root.manager.loggerDict.items()
-        if _is_library_logger(name) and isinstance(log, logging.Logger)
+        if name.partition(".")[0] in _LIBRARY_LOGGERS and isinstance(log, logging.Logger)
     ]
     before = [(log, log.handlers[:], log.propagate) for log in own]
     for log in own:
@@ -94,10 +94,6 @@ def _capture_logs(notes: list[str]) -> Iterator[None]:
     finally:
         for log, handlers, propagate in before:
             log.handlers, log.propagate = handlers, propagate
-
-
-def _is_library_logger(name: str) -> bool:
-    return name.split(".", maxsplit=1)[0] in _LIBRARY_LOGGERS
 
 
 @contextmanager

@@ -1,12 +1,16 @@
-"""CSV and its kin, streamed through pyarrow; what cannot be read is found again, line by line, for the message."""
+"""CSV and its kin, streamed through pyarrow as plain UTF-8; what cannot be read is found again, line by line."""
 
 from __future__ import annotations
 
+import codecs
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from datetime import datetime
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,28 +21,31 @@ from pneucli.errors import InputError, UnitError
 from pneucli.io import arrow_compute as pc
 from pneucli.io.clock import Clock
 from pneucli.io.column_reader import counted_words, words_message
-from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Repair
+from pneucli.io.raw_file import NO_CLOCKS, ColumnRequest, ColumnValues, RawFile, Reader, Repair
 from pneucli.io.text_layout import (
+    HEAD_BYTES,
     MAX_LINES_ABOVE,
+    MIN_ROWS_ABOVE,
     NULL_TEXTS,
     TextLayout,
     detect_layout,
     hexadecimal_value,
+    in_bytes,
     is_value,
     lines_above,
+    table_end,
 )
-from pneucli.io.text_stream import NormalizedTextStream
 from pneucli.units import Dimension, Unit, parse_unit
 
 BLOCK_BYTES = 4 << 20
 BLOCK_ROWS = 4096  # read at once in the search for a fault
 HEXADECIMAL = "hexadecimal counts"
-TAIL_BYTES = 1 << 16
+TAIL_BYTES, MAX_LAST_ROWS = 1 << 16, 50  # that are kept of the last rows
 MAX_TRAILER_LINES = 20  # behind the rows
 Row = tuple[int, str, list[str]]  # line number, text, fields
 
 
-class DelimitedReader:
+class DelimitedReader(Reader):
     """A delimited text file of any size; rows are read in blocks of 4 MB."""
 
     def __init__(self, raw: RawFile) -> None:
@@ -49,6 +56,7 @@ class DelimitedReader:
         self.rows = 0
         self.clocks = NO_CLOCKS
         self.clock_names: frozenset[int] = frozenset()
+        self.start: datetime | None = None
         self.losses: Counter[str] = Counter()
         above = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
         self.units = {**self._look.cells, **above, **dict.fromkeys(self._look.hexadecimal, HEXADECIMAL)}
@@ -65,21 +73,15 @@ class DelimitedReader:
         self.labels = self._look.labels
         self.dates = self._look.dates  # columns of dates alone
         self.stamps = self._look.stamps  # columns of dates and times of day, read in seconds
-        self.cells = frozenset(self._look.cells)  # columns in whose cells a unit stands behind each number
         self.header_lines = 0
         self._bad: list[str] = []
         self._events: Counter[str] = Counter()
-
-    @property
-    def start(self) -> datetime | None:
-        """When the clock reads 0, where it is a calendar's and has been read."""
-        return next((stamps.start for stamps in self._stamps.values() if stamps.start), None)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; raises InputError with line and column where a row does not fit."""
         self._bad, self._words, self._events = [], {}, Counter()
         try:
-            with NormalizedTextStream(self._raw.path, self._look) as stream:
+            with closing(NormalizedTextStream(self._raw.path, self._look)) as stream:
                 while block := stream.read(BLOCK_BYTES):
                     if block.strip():
                         table = self._parse(block, asks)
@@ -93,9 +95,9 @@ class DelimitedReader:
             message = f'what stands below the rows, from line {line} on ("{text[:60]}"), was passed over'
             self.repairs.append(Repair("", "trailer", 1, message))
         if self._bad:
-            self._drop_last_lines(asks)
+            self._drop_last_lines(asks, stream)
         elif not stream.second_table and not stream.ends_with_newline:
-            self._note_unterminated_last_line(stream.last_line)
+            self._note_unterminated_last_line(stream)
         for place, words in self._words.items():
             if words:
                 message = words_message(self.names[place], words)
@@ -103,6 +105,7 @@ class DelimitedReader:
         if self._events:
             message = f"lines that end in a word and hold no readings were passed over: {counted_words(self._events)}"
             self.repairs.append(Repair("", "event", sum(self._events.values()), message))
+        self.start = next((stamps.start for stamps in self._stamps.values() if stamps.start), None)
         self.header_lines = stream.header_lines
         if stream.header_lines:
             message = f"the header stands again {stream.header_lines} times among the rows and was passed over"
@@ -228,21 +231,12 @@ class DelimitedReader:
                 yield from (row for row in ready if not self._event(row[1].strip()))
                 del waiting[: len(ready)]
 
-    def _tail(self) -> list[str]:
-        """Return the last rows, as far as they stand in the last bytes of the file."""
-        start = max(0, self._raw.path.stat().st_size - TAIL_BYTES) & ~3  # whole characters
-        with self._raw.path.open("rb") as file:
-            file.seek(start)
-            text = file.read().decode(self._look.encoding, errors="replace")
-        lines = text.rstrip().split(self._look.line_end)[0 if start else self._look.skip :]
-        return [line.rstrip("\r") for line in lines[-50:] if line.strip() and not line.lstrip().startswith("#")]
-
-    def _drop_last_lines(self, asks: Sequence[ColumnRequest]) -> None:
+    def _drop_last_lines(self, asks: Sequence[ColumnRequest], stream: NormalizedTextStream) -> None:
         """A logger that was cut off in its last line loses that line only; words behind the rows are none of them.
 
         Any other odd row is an error.
         """
-        last = [self._look.split(line) for line in self._tail()[-len(self._bad) :]]
+        last = [self._fields(line) for line in stream.last_rows()[-len(self._bad) :]]
         if last != [self._fields(row) for row in self._bad]:
             raise self._first_fault(asks, "")
         if last[0][0] and not is_value(last[0][0]):
@@ -253,19 +247,14 @@ class DelimitedReader:
             raise self._first_fault(asks, "")
         self.rows += 1
         self.losses["truncated"] += 1
-        self.repairs.append(Repair("", "truncated", 1, f"line {self._last_line()}, the last, is cut off: left out"))
+        self.repairs.append(Repair("", "truncated", 1, f"line {stream.last_line}, the last, is cut off: left out"))
 
-    def _note_unterminated_last_line(self, number: int) -> None:
+    def _note_unterminated_last_line(self, stream: NormalizedTextStream) -> None:
         """Say that the last line has no end, and of its last number that it may be cut off, unless all are as long."""
-        decimals = {len(line.rpartition(self._look.decimal)[2]) for line in self._tail()}
+        decimals = {len(line.rpartition(self._look.decimal)[2]) for line in stream.last_rows()}
         kind, what = ("cut-number", "its last number") if len(decimals) > 1 else ("no-line-end", "what comes after it")
-        message = f"line {number}, the last, has no end: {what} may be cut off; kept"
+        message = f"line {stream.last_line}, the last, has no end: {what} may be cut off; kept"
         self.repairs.append(Repair("", kind, 1, message))
-
-    def _last_line(self) -> int:
-        """Return the number of the last line that holds something."""
-        with self._raw.path.open(encoding=self._look.encoding, errors="replace", newline=self._look.line_end) as file:
-            return max(number for number, line in enumerate(file, 1) if line.strip())
 
     def _fields(self, row: str) -> list[str]:
         return row.split() if self._look.delimiter == " " else self._look.split(row.rstrip("\r\n"))
@@ -342,3 +331,146 @@ def _dates_beside(look: TextLayout) -> dict[int, int]:
         for place in look.stamps - look.dated_stamps
         if look.dates
     }
+
+
+MAX_LINE_BYTES = 16 << 20  # bytes of a line
+_WORDS_BELOW = re.compile(rb"\n[ \t\r]*\n\s*\"?[A-Za-z\[(*=\x80-\xff]")
+_COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
+_BLANKS = re.compile(rb"[ \t]+")
+_EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
+
+
+class NormalizedTextStream:
+    """The rows of a text file as plain UTF-8 without comment lines; blanks as delimiters become one tab.
+
+    Reads the file once, from the front, in whole lines, so that a file of any size passes through bounded memory.
+    ``header_lines`` counts the headers that stand again among the rows and were passed over, ``comment_lines``
+    counts the comment lines among the rows; ``ends_with_newline`` says whether the last row had an end of line.
+    ``last_line`` is the number, from 1, of the last line that holds something;
+    ``second_table`` has line (from 1) and text of the first line below the table that belongs to it no more.
+    """
+
+    def __init__(self, path: Path, look: TextLayout) -> None:
+        self._path = path
+        self._file = path.open("rb", buffering=0)
+        self._encoding = look.encoding
+        self._decoder = (
+            None if _is_ascii_compatible(look.encoding) else codecs.getincrementaldecoder(look.encoding)("replace")
+        )
+        self._blanks = look.delimiter == " "
+        self._delimiter = look.delimiter.encode()
+        self._padding = re.compile(rb" *%b *" % re.escape(self._delimiter))
+        self._line_end = look.line_end.encode()
+        self._rewritings = [*in_bytes(look.rewritings, "\t" if self._blanks else look.delimiter)]
+        self._skip = look.skip
+        self._left = look.lines
+        self._repeated = [line.encode() for line in look.repeated]
+        self._rest = self._tail = b""
+        self.last_line = 0
+        self._split, self._line, self._begun = look.split, 0, False
+        self.second_table: tuple[int, str] | None = None
+        self._over = False
+        self.comment_lines = 0
+        self.header_lines = 0
+        self.ends_with_newline = True
+
+    def read(self, size: int = -1) -> bytes:
+        """Return about ``size`` bytes of whole rows; nothing at the end."""
+        while not self._over:
+            if block := self._plain(self._lines(max(size, HEAD_BYTES))):
+                self._tail = (self._tail + block)[-TAIL_BYTES:]
+                return block
+        return b""
+
+    def last_rows(self) -> list[str]:
+        """Return some of the last rows that were read."""
+        lines = self._tail.decode(errors="replace").split("\n")
+        return [line.rstrip("\r") for line in lines[-MAX_LAST_ROWS:] if line.strip()]
+
+    def _lines(self, size: int) -> bytes:
+        block = self._file.read(size)
+        self._over = not block
+        if self._decoder is None:
+            block = block.rstrip(b"\0")
+        else:
+            block = self._decoder.decode(block, final=self._over).encode()
+        if self._line_end != b"\n":
+            block = block.replace(self._line_end, b"\n")
+        if self._over:
+            block, self._rest = self._rest + block, b""
+            self.ends_with_newline = not block.strip()
+            return block
+        end = block.rfind(b"\n") + 1
+        lines, self._rest = (self._rest + block[:end], block[end:]) if end else (b"", self._rest + block)
+        if len(self._rest) > MAX_LINE_BYTES:
+            found, mend = f"a line of more than {MAX_LINE_BYTES >> 20} MB", "check the file, record or copy it again"
+            raise InputError(str(self._path), found, "rows of numbers", mend, code="E041")
+        return lines
+
+    def _plain(self, block: bytes) -> bytes:
+        while self._skip and block:
+            block = block.partition(b"\n")[2]
+            self._skip -= 1
+            self._line += 1
+        if _WORDS_BELOW.search(block):
+            block = self._first_table(block)
+        self.last_line = self._line + block.rstrip().count(b"\n") + 1 if block.strip() else self.last_line
+        self._line, self._begun = self._line + block.count(b"\n"), True
+        if self._left is not None:
+            block = self._within_part(block)
+        if not self._decoder and not block.isascii():
+            block = block.decode(self._encoding, "replace").encode()
+        if self._repeated and self._repeated[0] and self._repeated[0] in block:
+            block = self._without_headers(block)
+        if b"#" in block:
+            block, comments = _COMMENT.subn(b"", block)
+            self.comment_lines += comments
+        for pattern, plain in self._rewritings:
+            block = pattern.sub(plain, block)
+        if self._blanks:
+            return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
+        padded = b" " + self._delimiter in block or self._delimiter + b" " in block
+        return self._padding.sub(self._delimiter, _EDGES.sub(b"", block)) if padded else block
+
+    def _first_table(self, block: bytes) -> bytes:
+        """Return the lines of a block up to where another table, or words, begin below a blank line."""
+        encoding = "utf-8" if self._decoder else self._encoding
+        lines = block.decode(encoding, "replace").split("\n")
+        above = [line.decode() for line in self._repeated]
+        begins = table_end([*above, *lines], self._split, 1 if self._begun else MIN_ROWS_ABOVE)
+        if begins is None:
+            return block
+        begins -= len(above)
+        at = next(n for n in range(begins, len(lines)) if lines[n].strip())
+        self.second_table, self._over = (self._line + at + 1, lines[at].strip()), True
+        return b"\n".join(block.split(b"\n")[:begins]) + b"\n"
+
+    def _within_part(self, block: bytes) -> bytes:
+        """Return the lines of a block that belong to the part that is read."""
+        lines = block.splitlines(keepends=True)[: self._left]
+        self._left = (self._left or 0) - len(lines)
+        return b"".join(lines)
+
+    def _without_headers(self, block: bytes) -> bytes:
+        """Return a block without the lines of the header that stand again in it, and without those right above them."""
+        kept: list[bytes] = []
+        for line in block.splitlines(keepends=True):
+            if line.strip() not in self._repeated:
+                kept.append(line)
+            elif line.strip() == self._repeated[0]:
+                self.header_lines += 1
+                del kept[len(kept) - lines_above(kept, self._repeated[0], self._delimiter) :]
+        return b"".join(kept)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _is_ascii_compatible(encoding: str) -> bool:
+    """Return whether the first 128 characters are bytes as in ASCII: then lines may be cut before they are decoded."""
+    plain = bytes(range(128))
+    try:
+        return plain.decode(encoding).encode() == plain
+    except UnicodeDecodeError:
+        return False

@@ -13,11 +13,10 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
-from pneucli.io.channel_clocks import align_tables
 from pneucli.io.clock import difference_of_starts
-from pneucli.io.raw_file import Repair
-from pneucli.io.signal_reader import Batch, SignalReader, rebatch
-from pneucli.io.timestamp_order import Table, loss_repairs
+from pneucli.io.raw_file import Batch, Repair, joined
+from pneucli.io.signal_reader import SignalReader, rebatch
+from pneucli.io.timestamp_order import Table, align_tables, loss_repairs
 from pneucli.messages.formatting import format_interval, format_plain, format_signal
 
 MIN_OVERLAP = 0.3  # of the shorter recording
@@ -85,7 +84,7 @@ class MultiFileRecording:
 
     def batches(self) -> Iterator[Batch]:
         """Yield signals in SI over all stamps; raises InputError where an offset is not to be found."""
-        read = [_read_all(one) for one in self._all]
+        read = [joined(one.batches()) for one in self._all]
         offsets = [0.0, *(self._offset(part, read[0], own) for part, own in zip(self._parts, read[1:], strict=True))]
         first = 0
         for names, own, offset in zip(self._names, read, offsets, strict=True):
@@ -124,11 +123,6 @@ class MultiFileRecording:
         )
         self._found.append(Repair("time", "offset", 1, message))
         return offset
-
-
-def _read_all(one: SignalReader) -> Batch:
-    batches = list(one.batches())
-    return {name: np.concatenate([batch[name] for batch in batches]) for name in one.positions}
 
 
 def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> tuple[float, str]:

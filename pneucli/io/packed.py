@@ -40,13 +40,11 @@ def named_as(path: Path, inner: Path) -> Iterator[None]:
         ) from error
 
 
-class PackedReader:
+class PackedReader(Reader):
     """The reader of what was unpacked; its messages name the packed file."""
 
     def __init__(self, reader: Reader, path: Path, inner: Path) -> None:
         self._reader, self._path, self._inner = reader, path, inner
-        self.names = reader.names
-        self.clocks, self.clock_names = reader.clocks, reader.clock_names
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._reader, name)

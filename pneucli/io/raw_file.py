@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError, did_you_mean
 from pneucli.units import STANDARD_ATMOSPHERE
 
 ColumnKey = str | int
 ColumnValues = NDArray[Any]
+Batch = dict[str, Array]  # signals by name, of the same rows
 NO_CLOCKS: Mapping[int, int] = MappingProxyType({})
 
 
@@ -86,43 +90,37 @@ class Repair:
     message: str
 
 
-class Reader(Protocol):
+def joined(batches: Iterable[Batch]) -> Batch:
+    """Return the rows of all batches, of which there is one at least, as one batch."""
+    parts = list(batches)
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+class Reader(ABC):
     """An opened raw file; ``names`` are its columns in order, ``repairs`` what had to be mended to read it.
 
     ``rows`` counts the rows of numbers that were read so far; ``losses`` those that the reader left out, by kind.
-    ``clocks`` has the position of the stamps of each column whose clock the file itself knows, by the position of the
-    column; the columns at ``clock_names`` stand for the clock of whatever column they are read with. Columns of
-    several clocks are read one clock at a time.
+    All else is by the positions of columns, from 0. ``clocks`` has that of the stamps of each column whose clock the
+    file itself knows; the columns at ``clock_names`` stand for the clock of whatever column they are read with. Columns
+    of several clocks are read one clock at a time. ``labels`` are columns of text that is neither numbers nor stamps,
+    ``units`` those that the file says. ``start`` is when a clock of a calendar reads 0, once it has been read.
     """
 
     names: Sequence[str]
     repairs: list[Repair]
     rows: int
     losses: Counter[str]
+    clocks: Mapping[int, int]
+    clock_names: Collection[int]
+    labels: Collection[int]
+    units: Mapping[int, str]
+    start: datetime | None
 
-    @property
-    def clocks(self) -> Mapping[int, int]:
-        """The position of the stamps of each column whose clock the file knows, by the position of the column."""
-
-    @property
-    def clock_names(self) -> Collection[int]:
-        """The positions of the columns that stand for every column's own clock."""
-
-    @property
-    def labels(self) -> Collection[int]:
-        """The positions of columns of text that is neither numbers nor stamps."""
-
-    @property
-    def units(self) -> Mapping[int, str]:
-        """The units that the file itself says, by position (from 0)."""
-
-    @property
-    def start(self) -> datetime | None:
-        """When the clock reads 0, where it is a calendar's and has been read."""
-
+    @abstractmethod
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns in batches of rows: float64, or text where asked."""
 
+    @abstractmethod
     def locate(self, row: int) -> str:
         """Return where data row ``row`` (from 0) stands in the file."""
 

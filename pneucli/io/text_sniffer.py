@@ -13,14 +13,15 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
-from pneucli.io.rewritings import Rewriting, rewritings_in
 from pneucli.io.text_layout import (
     NULL_TEXTS,
+    Rewriting,
     TextLayout,
     head_of,
     is_cell,
     is_value,
     number_and_unit,
+    rewritings_in,
     table_end,
     with_keys,
 )

@@ -106,8 +106,7 @@ def resolved_blocks(recording: Recording, signal: str, order: int) -> Blocks | N
 
     None where none do: the signal is too short, or does not move.
     """
-    model = recording.noise.get(signal)
-    noise = max(0.0 if model is None else model.rms, 1e-9 * float(np.nanmax(np.abs(recording[signal]))), 1e-300)
+    noise = max(recording.noise_rms(signal), 1e-9 * float(np.nanmax(np.abs(recording[signal]))), 1e-300)
     samples = int(np.count_nonzero(np.isfinite(recording[signal])))
     width = MIN_BLOCK_SAMPLES
     while samples // width >= MIN_BLOCKS:

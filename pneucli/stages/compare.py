@@ -254,7 +254,7 @@ def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model:
 
 
 def _noise_rms(recording: Recording, name: str) -> float:
-    return recording.noise[name].rms if name in recording.noise else 0.0
+    return recording.noise_rms(name)
 
 
 def _command_error_floor(recording: Recording, name: str, off: float) -> float:

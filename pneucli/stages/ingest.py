@@ -27,9 +27,8 @@ from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
-from pneucli.io.cleaning import Cleaner, RowChecks
+from pneucli.io.cleaning import Cleaner
 from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import (
     NOISE_FILE,
@@ -39,7 +38,7 @@ from pneucli.io.recordings import (
     load_recordings,
     signals_schema,
 )
-from pneucli.io.signal_reader import SignalReader
+from pneucli.io.signal_reader import SignalReader, open_signals
 from pneucli.io.timestamp_order import LOSS_MESSAGES
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.ingest import Answer, Implausible, NoiseAnswer, Recording, SignalSummary, Weight
@@ -48,7 +47,7 @@ from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_se
 from pneucli.paths import file_on_disk
 from pneucli.pipeline.context import Context, Progress
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
-from pneucli.plausibility.weights import rank, repair_findings
+from pneucli.plausibility.rig_check import rank, repair_findings
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
@@ -260,15 +259,14 @@ def _ingest(
     one.noise = noise_of(one, heads, threads)
 
 
-def _cleaner(one: IngestedRecording, file: SignalReader | MultiFileRecording) -> Cleaner | RowChecks:
+def _cleaner(one: IngestedRecording, file: SignalReader | MultiFileRecording) -> Cleaner:
     """Return the checks of a recording: of a time series, or of rows without a clock."""
     table = one.source.table
-    if EXPERIMENT_KINDS[table.experiment].steady:
-        return RowChecks()
-    return Cleaner(file.locate, stated_noise(one.source), (table.from_, table.to))
+    steady = EXPERIMENT_KINDS[table.experiment].steady
+    return Cleaner(file.locate, stated_noise(one.source), (table.from_, table.to), steady=steady)
 
 
-def _cleaned_batches(cleaner: Cleaner | RowChecks, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
+def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> Iterator[dict[str, Array]]:
     for batch in batches:
         yield cleaner.push(batch)
     yield cleaner.finish()

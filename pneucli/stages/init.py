@@ -15,19 +15,16 @@ from pneucli.config.json_schema import DIRECTIVE, schema_text
 from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
 from pneucli.init.columns import guess_columns
-from pneucli.init.components import Component, with_components
-from pneucli.init.experiments import guess_experiment
+from pneucli.init.components import Component, Question, values_of, with_components, with_values
+from pneucli.init.components import questions as asked_questions
+from pneucli.init.experiments import guess_experiment, limits_of, refuse_unusable
 from pneucli.init.file_groups import (
     FileGroup,
     column_values,
     group_files,
     join_files_of_one_recording,
-    natural_sort_key,
     pressure_references,
 )
-from pneucli.init.questions import Question, values_of, with_values
-from pneucli.init.questions import questions as asked_questions
-from pneucli.init.refusals import limits_of, refuse_unusable
 from pneucli.init.survey import survey_parts
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.init.writer import References, fields_to_fill_in, pipeline_text, toml_string
@@ -35,7 +32,7 @@ from pneucli.io.artifacts import write_text
 from pneucli.io.formats import recordings_in_archive
 from pneucli.io.raw_file import RawFile
 from pneucli.messages.init import Answer, Column, Kind, Waiting
-from pneucli.paths import archive_members
+from pneucli.paths import archive_members, natural_order
 
 NAME = "pipeline.toml"
 HEADER_LINES = 2  # lines: where the schema is, and what CHECK means
@@ -142,9 +139,9 @@ def _files_at(path: Path) -> Iterator[Path]:
         raise InputError(
             str(path), "no such file", "a raw file, a folder of them or a glob", "check the path", code="E002"
         )
-    for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_sort_key):
+    for one in sorted((Path(os.path.abspath(hit)) for hit in hits), key=natural_order):
         members = recordings_in_archive(one)
-        yield from sorted(members, key=natural_sort_key) if len(members) > 1 else [one]
+        yield from sorted(members, key=natural_order) if len(members) > 1 else [one]
 
 
 def _example(directory: Path) -> str:

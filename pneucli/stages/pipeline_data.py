@@ -29,7 +29,7 @@ from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs, tells_valve_map, without_pressure
-from pneucli.plausibility.weights import contradicted_parts, contradictions
+from pneucli.plausibility.rig_check import contradicted_parts, contradictions
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment

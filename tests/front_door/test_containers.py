@@ -14,8 +14,8 @@ from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import sha256_of
 from pneucli.io.formats import open_raw
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.io.signal_reader import open_signals
 from pneucli.paths import matching_files
 from pneucli.pipeline.context import Context
 from pneucli.stages import ingest, init
@@ -289,16 +289,6 @@ def test_a_clock_in_excel_goes_on_after_24_hours(tmp_path: Path, clock: str) -> 
     reader = open_raw(RawFile(tmp_path / "a.xlsx", {}))
     (values,) = zip(*reader.batches([ColumnRequest(0)]), strict=True)
     np.testing.assert_allclose(np.concatenate(values), [3600 * (hour - hours[0]) for hour in hours], atol=1e-3)
-
-
-def test_a_workbook_without_its_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
-    write_workbook(tmp_path / "a.xlsx", [["t", "p1"], [0.0, 1.0], [1.0, 2.0]])
-    monkeypatch.setitem(sys.modules, "python_calamine", None)
-    with pytest.raises(InputError, match="this is an Excel file") as caught:
-        open_raw(RawFile(tmp_path / "a.xlsx", {}))
-    assert caught.value.mend == 'pip install "pneucli[excel]"'
 
 
 def archive_of_two(folder: Path) -> Path:

@@ -19,8 +19,8 @@ from pneucli.init.survey_types import Column
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
 from pneucli.init.units import pressure_reference
 from pneucli.io.formats import open_raw
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
+from pneucli.io.signal_reader import open_signals
 from pneucli.io.text_layout import detect_encoding
 from pneucli.stages import init
 

@@ -10,8 +10,8 @@ from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.cleaning import Cleaner
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
+from pneucli.io.signal_reader import open_signals
 from pneucli.stages import init
 
 from .judge import Outcome, judge

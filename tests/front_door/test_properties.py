@@ -10,13 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pneucli.errors import InputError
-from pneucli.io.channel_clocks import align_tables
 from pneucli.io.cleaning import MARGIN_SAMPLES, MAX_SPIKE_SAMPLES, MIN_NOISE_RATIO, MIN_STEP_RATIO, find_spikes
-from pneucli.io.clock_repairs import CounterClock, EvenClock, spread_stamps
-from pneucli.io.missing_marks import MarkDetector
-from pneucli.io.roll_over import RollOverCorrector
-from pneucli.io.signal_repairs import HeldReadingDetector
-from pneucli.io.timestamp_order import Table
+from pneucli.io.clock import CounterClock, EvenClock, spread_stamps
+from pneucli.io.signal_repairs import HeldReadingDetector, MarkDetector, RollOverCorrector
+from pneucli.io.timestamp_order import Table, align_tables
 from pneucli.stages import init
 
 NUMBERS = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([0.0, np.nan, -9999.0, 65535.0, 1e30]))

@@ -14,8 +14,8 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.io import damaged_files
 from pneucli.io.formats import matlab
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
+from pneucli.io.signal_reader import open_signals
 
 T = np.arange(50) * 1e-3
 P = 3.0 + np.sin(40 * T)
@@ -179,7 +179,7 @@ def test_an_extra_that_is_not_installed_is_named(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setitem(sys.modules, "nptdms", None)
     (tmp_path / "a.tdms").write_bytes(b"TDSm")
-    with pytest.raises(InputError, match=r'pip install "pneucli\[tdms\]"'):
+    with pytest.raises(InputError, match=r"pip install 'pneucli\[tdms\]'"):
         read(RawFile(tmp_path / "a.tdms", CHANNELS))
 
 
@@ -491,9 +491,9 @@ def test_old_line_ends_and_separators_in_names_lose_no_row(tmp_path: Path) -> No
 
 
 def test_a_line_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pneucli.io import text_stream
+    from pneucli.io import delimited
 
-    monkeypatch.setattr(text_stream, "MAX_LINE_BYTES", 1 << 19)
+    monkeypatch.setattr(delimited, "MAX_LINE_BYTES", 1 << 19)
     (tmp_path / "a.csv").write_bytes(b"t,p\n0,1\n1,2\n" + b"9" * (2 << 20))
     with pytest.raises(InputError, match="a line of more than"):
         read(RawFile(tmp_path / "a.csv", {"time": Channel("t"), "p1": Channel("p")}))

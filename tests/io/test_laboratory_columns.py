@@ -9,8 +9,8 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time
 from pneucli.io.expression import Expression
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
+from pneucli.io.signal_reader import open_signals
 
 
 def signals(tmp_path: Path, text: str, **channels: Channel):

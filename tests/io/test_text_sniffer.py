@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io.open_signals import open_signals
 from pneucli.io.raw_file import Channel, RawFile
+from pneucli.io.signal_reader import open_signals
 from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff
 
 ROWS = 40

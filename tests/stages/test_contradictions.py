@@ -9,7 +9,7 @@ import pytest
 
 from pneucli.config import load
 from pneucli.pipeline.context import Context
-from pneucli.plausibility.weights import contradictions
+from pneucli.plausibility.rig_check import contradictions
 from pneucli.stages import ingest
 from pneucli.stages.pipeline_data import PipelineData
 from tests.plausibility.faulty_data_sets import MM_AS_M, P2, A, Mistake, Rig, X, held, stated

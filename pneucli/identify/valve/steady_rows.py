@@ -89,7 +89,7 @@ def _columns(recording: Recording, rig: Rig) -> dict[str, NDArray[np.generic]]:
     temperature = recording.signals.get("temperature", np.full(n, rig.gas_temperature))
     temperature = np.where(np.isfinite(temperature), temperature, rig.gas_temperature)
     u = np.round(recording.signals.get("u", np.full(n, np.nan)), COMMAND_DIGITS) + 0.0
-    noise = {name: recording.noise[name].rms if name in recording.noise else 0.0 for name in ("flow", "p1", "p_supply")}
+    noise = {name: recording.noise_rms(name) for name in ("flow", "p1", "p_supply")}
     columns: dict[str, NDArray[np.generic]] = {
         "recording": np.full(n, recording.name, dtype=object),
         "row": np.arange(n),

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import cast
 
 from pneucli import extensions
 from pneucli.errors import InputError
@@ -39,7 +38,7 @@ def open_raw(raw: RawFile) -> Reader:
     inner = unpacked(raw.path)
     if inner != raw.path:
         with named_as(raw.path, inner):
-            return cast("Reader", PackedReader(open_raw(replace(raw, path=inner)), raw.path, inner))
+            return PackedReader(open_raw(replace(raw, path=inner)), raw.path, inner)
     found = format_of(raw.path)
     if found is None or found.open is None:
         return DelimitedReader(raw)

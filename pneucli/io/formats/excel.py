@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import import_extra
+from pneucli.imports import library_of_extra
 from pneucli.io.formats.base import ZIP_MAGIC, Format
 from pneucli.paths import member_names
 
@@ -24,9 +24,7 @@ def _is_workbook(head: bytes, path: Path) -> bool:
 
 def _write_sheet(path: Path, folder: Path) -> Path:
     target = folder / f"{path.stem}.tsv"
-    calamine = import_extra(
-        "python_calamine", "excel", path, found="this is an Excel file, and python-calamine is not installed"
-    )
+    calamine = library_of_extra("python_calamine", "excel", path, "this is an Excel file, and python-calamine")
     workbook = calamine.CalamineWorkbook.from_path(str(path))
     sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
     rows: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, import_extra, split_columns
+from pneucli.imports import library_of_extra
+from pneucli.io.column_reader import ColumnReader, as_text, clocks_by_group, column_names, split_columns
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
-from pneucli.io.formats.matlab import SAVE_AS_STRUCT
-from pneucli.io.mat_struct import LABELS, NUMBERS
+from pneucli.io.formats.matlab import LABELS, NUMBERS, SAVE_AS_STRUCT
 from pneucli.io.raw_file import ColumnValues
 
 _NO_NUMBERS = ("char", "cell", "string", "function_handle", "struct")
@@ -41,7 +41,7 @@ class Place(NamedTuple):
 
 def frame_columns(group: Any, path: str) -> dict[str, Place]:
     """Return the columns of a frame of pandas, in either of its two formats; empty where a group holds none."""
-    if _text(group.attrs.get("pandas_type")) not in ("frame", "series", "frame_table", "series_table"):
+    if as_text(group.attrs.get("pandas_type")) not in ("frame", "series", "frame_table", "series_table"):
         return {}
     if "table" in group:
         return dict(_table_columns(group["table"], path))
@@ -56,13 +56,13 @@ def frame_columns(group: Any, path: str) -> dict[str, Place]:
         for number, name in enumerate(group[f"{block}_items"][()].tolist()):
             if values.dtype.kind in "iufb":
                 stamps = _stamps(values.attrs.get("value_type"))
-                found[f"{path}/{_text(name)}"] = Place(f"{path}/{block}_values", column=number, stamps=stamps)
+                found[f"{path}/{as_text(name)}"] = Place(f"{path}/{block}_values", column=number, stamps=stamps)
     return found
 
 
 def _stamps(kind: Any) -> str | None:
     """Return the type of stamps or durations that pandas names; nanoseconds where it names no unit, as it once did."""
-    found = _STAMPS.fullmatch(_text(kind))
+    found = _STAMPS.fullmatch(as_text(kind))
     return f"{found[1]}64[{found[2] or 'ns'}]" if found else None
 
 
@@ -120,18 +120,18 @@ def _referenced_text(file: Any, group: Any, labels: str | None, number: int) -> 
 
 def is_matlab_object(node: Any) -> bool:
     """Return whether a dataset or group of MATLAB v7.3 is an object, which only MATLAB reads."""
-    kind = _text(node.attrs.get("MATLAB_class"))
+    kind = as_text(node.attrs.get("MATLAB_class"))
     return "MATLAB_object_decode" in node.attrs or bool(kind and kind not in (*_NO_NUMBERS, *_MATLAB_NUMBERS))
 
 
 def is_no_number(dataset: Any) -> bool:
     """Return whether MATLAB says that the integers of a dataset are letters or other things that are no numbers."""
-    return _text(dataset.attrs.get("MATLAB_class")) in _NO_NUMBERS
+    return as_text(dataset.attrs.get("MATLAB_class")) in _NO_NUMBERS
 
 
 def is_empty(dataset: Any) -> bool:
     """Return whether a dataset has no data: an empty array of MATLAB, stored as its size, or a dimension of netCDF."""
-    return "MATLAB_empty" in dataset.attrs or _text(dataset.attrs.get("NAME")).startswith(_NO_VARIABLE)
+    return "MATLAB_empty" in dataset.attrs or as_text(dataset.attrs.get("NAME")).startswith(_NO_VARIABLE)
 
 
 def unpacked(dataset: Any, array: Any) -> Any:
@@ -153,15 +153,9 @@ def _first(attributes: Any, key: str, otherwise: float) -> Any:
     return np.ravel(attributes.get(key, otherwise))[0]
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, bytes):
-        return value.decode(errors="replace")
-    return value if isinstance(value, str) else "" if value is None else str(value)
-
-
 def open_hdf5(path: Path) -> ColumnReader:
     """List the columns: a dataset, ``matrix/2``, or a field of a table, each below its path."""
-    h5py = import_extra("h5py", "hdf5", path)
+    h5py = library_of_extra("h5py", "hdf5", path)
     owner: dict[str, Place] = {}
     units: dict[str, str] = {}
     sizes: dict[str, int] = {}

@@ -2,22 +2,27 @@
 
 The format: MathWorks, "MAT-File Format", chapter 1. An element is a tag, of type and size, and its data. A matrix holds
 elements in turn, and so does a compressed element once it is expanded. Elements are looked at before scipy reads them.
+Level 4 is plain matrices, in which Dymola writes its results.
 """
 
 from __future__ import annotations
 
 import mmap
+import re
+import struct
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns
 from pneucli.io.damaged_files import MIN_EXPANSION_LIMIT, check_expanded_size
 from pneucli.io.formats.base import Format
-from pneucli.io.mat_struct import StructColumns
 from pneucli.io.raw_file import ColumnValues, Repair
 
 Order = Literal["little", "big"]
@@ -188,3 +193,196 @@ MATLAB = Format(
     used="name, unit and clock of a struct that holds a signal (Simulink, dSPACE)",
     unused="objects (`timeseries`, `timetable`) are refused: save them as structs",
 )
+
+
+_MATRIX_HEADER = struct.Struct("<5i")
+_MAX_NAME = 64  # characters
+_DYMOLA = {"Aclass", "name", "dataInfo"}
+_UNIT = re.compile(r"\[([^][|:]+)(?:\|[^][|]*)?\](?=[^][]*$)")  # the last brackets; a colon begins a type, no unit
+
+
+def is_mat4(head: bytes, _: Path) -> bool:
+    """Return whether a file begins with a matrix of level 4: type, rows, columns, imaginary flag, length of name."""
+    if len(head) < _MATRIX_HEADER.size + 2:
+        return False
+    for order in "<>":
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[: _MATRIX_HEADER.size])
+        usual = 0 <= kind <= 4052 and kind // 100 % 10 == 0 and kind % 10 in (0, 1, 2) and kind // 10 % 10 <= 5
+        sizes = 0 < rows < 1 << 30 and 0 <= columns < 1 << 30 and imaginary in (0, 1) and 1 < length <= _MAX_NAME
+        name = head[_MATRIX_HEADER.size : _MATRIX_HEADER.size + length].rstrip(b"\0")
+        if usual and sizes and (kind >= 1000) == (order == ">") and name.replace(b"_", b"").isalnum():
+            return True
+    return False
+
+
+def open_mat4(path: Path) -> ColumnReader:
+    """List the columns: vectors by name, columns of matrices by number; the trajectories of Dymola by their names."""
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
+    variables = whosmat(path)
+    check_expanded_size(path, 8 * sum(int(np.prod(shape)) for _, shape, kind in variables if kind != "char"))
+    if {name for name, _, _ in variables} >= _DYMOLA:
+        columns, units = _dymola(path)
+        return ColumnReader.of_columns(path, MATLAB_4.name, columns, units, {})
+
+    def load(wanted: Collection[str]) -> dict[str, ColumnValues]:
+        tree = loadmat(path, variable_names=list(wanted))
+        return {name: np.asarray(tree[name], dtype=np.float64) for name in wanted}
+
+    shapes = {name: shape for name, shape, kind in variables if kind not in ("char", "sparse")}
+    return ColumnReader.of_arrays(path, MATLAB_4.name, shapes, load)
+
+
+def _dymola(path: Path) -> tuple[dict[str, ColumnValues], dict[str, str]]:
+    """Return the trajectories and their units, by name.
+
+    ``dataInfo`` says of each name in which matrix, in which column, and with which sign. ``description`` ends with the
+    unit of the stored numbers, then that in which Dymola displays them: ``Pressure [Pa|bar]``.
+    """
+    from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
+    tree = loadmat(path, chars_as_strings=False)
+    transposed = "binTrans" in ["".join(row).strip("\0 ") for row in tree["Aclass"]]
+    letters, info = tree["name"], np.asarray(tree["dataInfo"], dtype=np.int64)
+    remarks = tree.get("description", letters[:0])
+    if transposed:
+        letters, info, remarks = letters.T, info.T, remarks.T
+    texts = ["".join(row).strip("\0 ") for row in remarks] if len(remarks) == len(letters) else [""] * len(letters)
+    found: dict[str, ColumnValues] = {}
+    units: dict[str, str] = {}
+    for row, (matrix, column, *_), text in zip(letters, info.tolist(), texts, strict=True):
+        name = "".join(row).strip("\0 ")
+        data = tree.get(f"data_{matrix or 2}")
+        if data is None:
+            continue
+        data = np.asarray(data.T if transposed else data, dtype=np.float64)
+        if name and data.shape[0] > 2:  # constants have a matrix of two rows
+            found[name] = np.sign(column or 1) * data[:, abs(column or 1) - 1]
+            if unit := _UNIT.search(text):
+                units[name] = unit[1].replace(".", "*")  # Modelica's N.m
+    return found, units
+
+
+MATLAB_4 = Format(
+    "MATLAB v4",
+    "MATLAB v4, Dymola",
+    open_mat4,
+    recognises=is_mat4,
+    column="a vector, a column `m/2`, a trajectory",
+    used="Dymola's units",
+)
+
+
+NUMBERS = ("values", "data", "value", "signal", "ydata")
+LABELS = ("label", "name", "signalname", "title", "blockname")
+_STAMPS = ("time", "t", "tout", "timestamps", "xdata")
+_UNITS = ("unit", "units")
+_CLOCK_NUMBER = "xindex"  # of dSPACE: which of the X belongs to a Y, from 1
+
+
+@dataclass
+class StructColumns:
+    """Columns by name, the unit of each, and the clock of those that have one of their own, both by name.
+
+    A struct that holds one signal (Simulink's scopes and logs, dSPACE's experiments) has its numbers under ``values``
+    or ``Data`` and its name under ``label`` or ``Name``; the column is then called by that name.
+    """
+
+    columns: dict[str, ColumnValues] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+    _numbered: dict[str, int] = field(default_factory=dict)  # of dSPACE
+
+    def add(self, node: Any, name: str) -> None:
+        """Add what a variable holds, at any depth."""
+        if isinstance(node, Mapping):
+            self._add_struct(node, name)
+            return
+        array = np.atleast_1d(node)
+        if array.dtype.names:
+            self._add_elements([_fields(one) for one in array.ravel()], name)
+        elif array.dtype.kind in "fiub":
+            self._add_array(array, name)
+
+    def link_numbered_clocks(self) -> None:
+        """Give each column that says the number of its clock that clock."""
+        for name, number in self._numbered.items():
+            before, slash, _ = name.rpartition("/Y/")
+            stamps = [one for one in self.columns if slash and one.startswith(f"{before}/X/")]
+            if 1 <= number <= len(stamps):
+                self.clocks[name] = stamps[number - 1]
+
+    def _add_elements(self, elements: Sequence[Mapping[str, Any]], name: str) -> None:
+        if len(elements) == 1:
+            self._add_struct(elements[0], name)
+            return
+        for number, one in enumerate(elements, 1):
+            self._add_struct(one, f"{name}/{_text(one, LABELS) or number}", labelled=True)
+
+    def _add_struct(self, fields: Mapping[str, Any], name: str, *, labelled: bool = False) -> None:
+        by_word = {key.lower(): key for key in fields}
+        flat = dict(_leaves(fields, ""))
+        numbers = [key for key, leaf in flat.items() if _last(key) in NUMBERS and _is_numeric(leaf)]
+        label = _text(fields, LABELS)
+        if len(numbers) != 1 or not (label or labelled):
+            for key, value in fields.items():
+                self.add(value, f"{name}/{key}" if name else key)
+            return
+        own = name if labelled else f"{name}/{label}"
+        own = f"{own}/{sum(one.startswith(own) for one in self.columns) + 1}" if own in self.columns else own
+        added = self._add_array(np.asarray(flat[numbers[0]]), own)
+        unit = next((_text(holder, _UNITS) for holder in (fields, *_inner(fields)) if _text(holder, _UNITS)), "")
+        self.units |= dict.fromkeys(added, unit) if unit else {}
+        stamps = [key for key, leaf in flat.items() if _last(key) in _STAMPS and _is_numeric(leaf)]
+        if stamps and np.size(flat[stamps[0]]) > 1:
+            clock = f"{own}/time"
+            self.columns[clock] = np.ravel(flat[stamps[0]])
+            self.clocks |= dict.fromkeys(added, clock)
+        elif _CLOCK_NUMBER in by_word:
+            number = np.ravel(fields[by_word[_CLOCK_NUMBER]])
+            self._numbered |= dict.fromkeys(added, int(number[0]) if number.size else 0)
+
+    def _add_array(self, array: ColumnValues, name: str) -> list[str]:
+        found = split_columns(name, array)
+        self.columns |= found
+        return list(found)
+
+
+def _fields(element: Any) -> dict[str, Any]:
+    return {key: element[key] for key in element.dtype.names}
+
+
+def _inner(fields: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    for value in fields.values():
+        array = np.atleast_1d(value)
+        if array.dtype.names and array.size == 1:
+            yield _fields(array.ravel()[0])
+
+
+def _leaves(fields: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of a struct, and of structs of one element within it, by their paths."""
+    for key, value in fields.items():
+        array = np.atleast_1d(value)
+        if array.dtype.names and array.size == 1:
+            yield from _leaves(_fields(array.ravel()[0]), f"{prefix}{key}/")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _last(path: str) -> str:
+    return path.rpartition("/")[2].lower()
+
+
+def _is_numeric(value: Any) -> bool:
+    return np.atleast_1d(value).dtype.kind in "fiub" and np.size(value) > 0
+
+
+def _text(fields: Mapping[str, Any], words: Sequence[str]) -> str:
+    """Return the first text that stands under one of the words."""
+    by_word = {key.lower(): value for key, value in fields.items()}
+    for word in words:
+        value = by_word.get(word)
+        array = np.atleast_1d(value) if value is not None else np.empty(0)
+        if array.dtype.kind in "US" and array.size == 1 and str(array.ravel()[0]).strip():
+            return str(array.ravel()[0]).strip()
+    return ""

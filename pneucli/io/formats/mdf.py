@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
 from pneucli.io.clock import known_start
-from pneucli.io.column_reader import ColumnReader, import_extra
+from pneucli.io.column_reader import ColumnReader
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.expression import Expression
 from pneucli.io.formats.base import Format
@@ -62,7 +63,7 @@ def open_mdf(path: Path) -> ColumnReader:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    file = import_extra("asammdf", "mdf", path).MDF(path)
+    file = library_of_extra("asammdf", "mdf", path).MDF(path)
     try:
         yield file
     finally:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pneucli.io.column_reader import ColumnReader, column_names, split_columns
+from pneucli.io.column_reader import ColumnReader
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import ZIP_MAGIC, Format
 from pneucli.io.raw_file import ColumnValues
@@ -17,65 +18,37 @@ from pneucli.paths import member_names
 
 def open_numpy(path: Path) -> ColumnReader:
     """List the columns; arrays of objects, which would run what the file says, are passed over."""
-    owner: dict[str, tuple[str, str | None]] = {}  # column -> array, field
-    with _Arrays(path) as arrays:
-        for name in arrays.names:
-            array = arrays.load(name)
-            if array is None:
-                continue
-            for field in array.dtype.names or [None]:
-                part = array if field is None else array[field]
-                if part.dtype.kind in "fiubmM":
-                    own = _column(name, field)
-                    owner |= dict.fromkeys(
-                        column_names(own, part.shape) if part.dtype.kind in "fiub" else [own], (name, field)
-                    )
+    owner: dict[str, str] = {}  # the array of each of the parts of arrays
+    shapes: dict[str, tuple[int, ...]] = {}
+    for own, name, part in _parts(path):
+        if part.dtype.kind in "fiubmM":
+            owner[own], shapes[own] = name, part.shape if part.dtype.kind in "fiub" else ()
 
-    def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
-        columns: dict[str, ColumnValues] = {}
-        with _Arrays(path) as arrays:
-            for name, field in dict.fromkeys(owner[one] for one in wanted):
-                array = arrays.load(name)
-                part = array if field is None or array is None else array[field]
-                columns |= {key: np.ravel(one) for key, one in split_columns(_column(name, field), part).items()}
-        return [columns[name] for name in wanted]
+    def load(wanted: Collection[str]) -> dict[str, ColumnValues]:
+        parts = _parts(path, dict.fromkeys(owner[own] for own in wanted))
+        return {own: part for own, _, part in parts if own in wanted}
 
-    return ColumnReader(path, NUMPY.name, list(owner), fetch)
+    return ColumnReader.of_arrays(path, NUMPY.name, shapes, load)
 
 
-def _column(name: str, field: str | None) -> str:
-    return f"{name}/{field}".lstrip("/") if field else name or "data"
+def _parts(path: Path, wanted: Iterable[str] | None = None) -> Iterator[tuple[str, str, Any]]:
+    """Yield the arrays of a file of either kind, or each of their fields: its column, its array's name, and itself."""
+    for name, array in _arrays(path, wanted):
+        for field in array.dtype.names or ("",):
+            yield f"{name}/{field}".strip("/") or "data", name, array[field] if field else array
 
 
-class _Arrays:
-    """The arrays of a file of either kind; that of an ``.npy`` file has no name."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._opened: Any = None
-
-    def __enter__(self) -> _Arrays:
-        self._opened = np.load(self._path, allow_pickle=False, mmap_mode=None)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if hasattr(self._opened, "close"):
-            self._opened.close()
-
-    @property
-    def names(self) -> list[str]:
-        return list(self._opened.files) if hasattr(self._opened, "files") else [""]
-
-    def load(self, name: str) -> Any:
-        """Return an array; None where it holds objects."""
-        if not name:
-            return self._opened
-        info = self._opened.zip.getinfo(f"{name}.npy")
-        check_expanded_size(self._path, info.file_size)
-        try:
-            return self._opened[name]
-        except ValueError:  # of objects
-            return None
+def _arrays(path: Path, wanted: Iterable[str] | None) -> Iterator[tuple[str, Any]]:
+    """Yield the wanted arrays, or all, by name; that of an ``.npy`` file has none. Those of objects are passed over."""
+    opened = np.load(path, allow_pickle=False)
+    if isinstance(opened, np.ndarray):
+        yield "", opened
+        return
+    with opened:
+        for name in opened.files if wanted is None else wanted:
+            check_expanded_size(path, opened.zip.getinfo(f"{name}.npy").file_size)
+            with suppress(ValueError):  # of objects
+                yield name, opened[name]
 
 
 def _is_npz(head: bytes, path: Path) -> bool:

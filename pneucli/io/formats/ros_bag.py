@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
+from pneucli.imports import library_of_extra
 from pneucli.io.clock import known_start
-from pneucli.io.column_reader import ColumnReader, import_extra
+from pneucli.io.column_reader import ColumnReader
 from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
 
@@ -33,9 +34,9 @@ _STORES = ("LATEST", "ROS2_JAZZY", "ROS2_IRON", "ROS2_HUMBLE", "ROS2_GALACTIC", 
 
 def open_mcap(path: Path) -> ColumnReader:
     """Read an MCAP file: messages of ROS 2, and JSON."""
-    found = "this is an MCAP file, and mcap is not installed"
-    reader_module = import_extra("mcap.reader", EXTRA, path, found)
-    decoders = [import_extra("mcap_ros2.decoder", EXTRA, path, found).DecoderFactory(), _Json()]
+    found = "this is an MCAP file, and mcap"
+    reader_module = library_of_extra("mcap.reader", EXTRA, path, found)
+    decoders = [library_of_extra("mcap_ros2.decoder", EXTRA, path, found).DecoderFactory(), _Json()]
     topics: dict[str, list[_Row]] = {}
     types: dict[str, str] = {}
     with path.open("rb") as file:
@@ -52,9 +53,9 @@ def open_rosbag2(path: Path) -> ColumnReader:
     if b"CREATE TABLE messages" not in path.read_bytes()[:SCHEMA_BYTES]:
         found = "this is a database of SQLite, and no rosbag2"
         raise InputError(str(path), found, "a file of recorded numbers", "export its table as CSV", code="E040")
-    found = "this is a database of rosbag2, and rosbags is not installed"
-    highlevel = import_extra("rosbags.highlevel", EXTRA, path, found)
-    typesys = import_extra("rosbags.typesys", EXTRA, path, found)
+    found = "this is a database of rosbag2, and rosbags"
+    highlevel = library_of_extra("rosbags.highlevel", EXTRA, path, found)
+    typesys = library_of_extra("rosbags.typesys", EXTRA, path, found)
     stores = [getattr(typesys.Stores, name) for name in _STORES if hasattr(typesys.Stores, name)]
     for number, store in enumerate(stores, 1):
         topics: dict[str, list[_Row]] = {}

@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pneucli.errors import InputError, UnitError
+from pneucli.imports import library_of_extra
 from pneucli.io.clock import known_start
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, import_extra
+from pneucli.io.column_reader import ColumnReader, clocks_by_group
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues
@@ -49,7 +50,7 @@ class _Timing(NamedTuple):
 
 def open_tdms(path: Path) -> ColumnReader:
     """List the channels; waveforms whose start times, increments or lengths differ have a clock each."""
-    tdms = import_extra("nptdms", "tdms", path).TdmsFile
+    tdms = library_of_extra("nptdms", "tdms", path).TdmsFile
     stated = _stated_by_segment(path)
     with tdms.open(path) as file:
         channels = _channels(file)
@@ -84,7 +85,7 @@ def _check_scales(path: Path, name: str, channel: Any) -> None:
 
 def _stated_by_segment(path: Path) -> dict[str, list[tuple[int, dict[str, Any]]]]:
     """Return, by the path of a channel, what segments state of its clock, after how many samples."""
-    reader_class: Any = import_extra("nptdms.reader", "tdms", path).TdmsReader
+    reader_class: Any = library_of_extra("nptdms.reader", "tdms", path).TdmsReader
     found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     counts: dict[str, int] = {}
 

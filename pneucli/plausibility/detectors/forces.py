@@ -11,7 +11,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.messages.formatting import format_plain, format_quantity, format_signal
 from pneucli.plausibility.blocks import fit_linear
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.detectors.readings import reference_finding
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,

@@ -9,7 +9,7 @@ import numpy as np
 from pneucli.io.cleaning import MAX_SPEED
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.blocks import Blocks, fit_linear
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import (
     MIN_DOUBT,
     POSITION_GAIN,
@@ -50,7 +50,7 @@ def _stroke(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     )
     own = bench.calibrations.get("x")
     gain = POSITION_GAIN if own is None else max(own.gain, own.zero / stroke)
-    error = float(np.hypot(gain * stroke, one.noise["x"].rms if "x" in one.noise else 0.0))
+    error = float(np.hypot(gain * stroke, one.noise_rms("x")))
     beyond = excess(high - low - stroke, error)
     share = float(np.nanmean((one["x"] < low) | (one["x"] > low + stroke)))
     mend = "check unit and scale in [signals] x, and [rig.cylinder] stroke"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_plain, format_signal
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import (
     AMBIENT_SLIP_SHARE,
     MIN_DOUBT,
@@ -150,7 +150,7 @@ def _temperature(one: Recording, bench: RigCheck) -> Iterator[Finding]:
     if least < coldest or most > hottest:
         found = f"temperature goes from {format_plain(least, 3)} K to {format_plain(most, 3)} K; "
         found += f"air at these pressures stays between {format_plain(coldest, 3)} K and {format_plain(hottest, 3)} K"
-        noise = one.noise["temperature"].rms if "temperature" in one.noise else 0.0
+        noise = one.noise_rms("temperature")
         by = excess(max(coldest - least, most - hottest), noise, PRESSURE_GAIN * (hottest - coldest))
         mend = "check the unit in [signals] temperature, degC or K"
         yield from Finding("unit", "temperature", one.name, found, mend, by).judged()

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Indices
 from pneucli.messages.formatting import format_percent, format_plain, format_signal
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.plausibility.signal_summary import missing_share
 from pneucli.quantities import CHANNELS
@@ -105,7 +105,7 @@ def _pressure_jumps(one: Recording) -> Iterator[Finding]:
         rest = float(np.nan_to_num(steps)[order[MAX_JUMPS]])
         if rest * MIN_RISE_SAMPLES > float(np.nanmax(p) - np.nanmin(p)):
             continue  # sampled too slowly to tell a jump from filling
-        noise = one.noise[signal].rms if signal in one.noise else 0.0
+        noise = one.noise_rms(signal)
         for at in sorted(int(n) for n in order[:MAX_JUMPS] if steps[n] > JUMP_RATIO * max(rest, 4.0 * noise)):
             if not _stays(p, at) or _is_answer(one["u"], steps, commands, at):
                 continue
@@ -163,7 +163,7 @@ def _turns(one: Recording, signal: str) -> bool:
 
     A sine of w radians a sample has differences that change by 2 sin(w / 2) of their own size.
     """
-    noise = one.noise[signal].rms if signal in one.noise else 0.0
+    noise = one.noise_rms(signal)
     steps, turns = np.diff(one[signal]), np.diff(one[signal], 2)
     moved = float(np.nanvar(steps)) - 2.0 * noise**2  # white noise has 2 and 6 of its variance there
     turned = float(np.nanvar(turns)) - 6.0 * noise**2

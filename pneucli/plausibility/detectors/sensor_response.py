@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_signal
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import (
     MIN_SIGNAL_TO_NOISE,
     Finding,
@@ -47,7 +47,7 @@ def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
         return
     middle = float(np.nanmedian(one["p2"]))
     expected = middle * float(np.nanmax(volume) - np.nanmin(volume)) / float(np.nanmax(np.abs(volume)))
-    noise = one.noise["p2"].rms if "p2" in one.noise else 0.0
+    noise = one.noise_rms("p2")
     stays = f"p2 of the closed chamber stays at {format_signal(middle, 'p2')}"
     mend = f"a dead sensor or another column? check [signals] p2, and chamber_2 in [[recordings]] {one.name}"
     found = f"{stays} while x would change it by {format_signal(expected, 'p2')}"
@@ -57,7 +57,7 @@ def _closed_chamber(one: Recording, bench: RigCheck) -> Iterator[Finding]:
 
 def _travel_over_noise(one: Recording) -> float:
     """Return how far the piston goes in units of the noise of x: that it moves is what makes a silent sensor odd."""
-    noise = one.noise["x"].rms if "x" in one.noise else 0.0
+    noise = one.noise_rms("x")
     return excess(float(np.nanmax(one["x"]) - np.nanmin(one["x"])), MIN_SIGNAL_TO_NOISE * noise)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.plausibility.detectors.base import Detector
+from pneucli.plausibility.detectors import Detector
 from pneucli.plausibility.rig_check import Finding, RigCheck, excess
 from pneucli.recording import Recording
 
