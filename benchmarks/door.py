@@ -227,6 +227,7 @@ CLOCKS: dict[str, Callable[[Sheet], None]] = {
     **{"hours, minutes, seconds": _hours_minutes_seconds, "zone": _told_as("At", "%Y-%m-%dT%H:%M:%S.%f", end="+01:00")},
     **{"unix ms": _number_as("timestamp", "{:.0f}", 1e3, 1.7734e12), "durations": _durations},
     "midnight": _told_as("Uhrzeit", "%H:%M:%S.%f", late=53_096.0),
+    "comma before milliseconds": _told_as("Time", "%Y-%m-%d %H:%M:%S,%f"),
     "compact": _told_as("Stamp", "%Y%m%dT%H%M%S.%f", late=55.0),
     "digits of a day": _told_as("Stamp", "%H%M%S.%f", late=55.0),
     "digits": _told_as("Stamp", "%Y%m%d%H%M%S%f", late=55.0),
@@ -303,7 +304,7 @@ LAYOUTS: dict[str, Callable[[Sheet], None]] = {
         kind: _written(kind)
         for kind in ("three lines", "value line", "channel table", "transposed table", "long", "blanks")
     },
-    **{kind: _written(kind) for kind in ("long with status", "json long", "marks", "words", "infinity")},
+    **{kind: _written(kind) for kind in ("long with status", "json long", "json series", "marks", "words", "infinity")},
     **{"unit in cells": _written("cells"), "unit that changes": _written("ranging"), "semicolons": _semicolons},
     **{"stamps by channel": _written("stamped"), "serial monitor": _written("arrow"), "repeats": _repeats},
     **{"runs by number": _runs_by_number, "header again": _header_again, "blocks": _blocks_of_runs},
@@ -318,6 +319,7 @@ OWN_CLOCK = {
     "LabChart",
     "Yokogawa DL",
     "PicoScope",
+    "json series",
 }  # which write another clock
 
 

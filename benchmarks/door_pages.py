@@ -293,6 +293,19 @@ def write(sheet: Sheet, folder: Path) -> Path:
         _, *rows = _long_rows(sheet, with_status=False)
         path.write_text("\n".join(json.dumps({"topic": f"rig/{a}", "timestamp": b, "payload": c}) for a, b, c in rows))
         return path
+    if sheet.write == "json series":
+        path = folder / "log.json"
+        stamps_of = [round(float(t), 3) for t in sheet.time]
+        series = [
+            {
+                "name": sheet.names[role],
+                "unit": sheet.units[role][0],
+                "data": [*zip(stamps_of, map(float, cells), strict=True)],
+            }
+            for role, cells in ((role, sheet.cells(role)) for role in sheet.values)
+        ]
+        path.write_text(json.dumps({"series": series}))
+        return path
     path = folder / "run.csv"
     path.write_text(WRITERS[sheet.write](Page.of(sheet)), encoding=sheet.encoding)
     return path
@@ -394,6 +407,13 @@ def _on_change(page: Page) -> str:
     return page.text(page.header)
 
 
+def _scale_line(page: Page) -> list[list[str]]:
+    count = len(page.header) - page.first
+    scales = [*["1"] * page.first, *["0.001"] * count]
+    rows = [["", *row[: page.first], *(f"{1e3 * float(text):.2f}" for text in row[page.first :])] for row in page.rows]
+    return [["Name", *page.bare], ["Unit", *page.units], ["Scale", *scales], *rows]
+
+
 def _with_pages(page: Page) -> list[list[str]]:
     parts = [page.rows[n : n + 60] for n in range(0, len(page.rows), 60)]
     return [line for n, part in enumerate(parts) for line in (["Page", str(n + 1)], page.header, *part)]
@@ -433,7 +453,7 @@ _FURTHER: dict[str, Callable[[Page], str]] = {
     "on change": _on_change,
     "clock last": _tabled(lambda page: [[*row[page.first :], *row[: page.first]] for row in [page.header, *page.rows]]),
     "types": _tabled(lambda page: [page.header, ["REAL"] * len(page.header), *page.rows]),
-    "page heads": _tabled(_with_pages),
+    **{"page heads": _tabled(_with_pages), "scale line": _tabled(_scale_line)},
     "names with commas": lambda page: _joined(
         ",", [[f'"{n}, {u}"' if u else n for n, u in zip(page.bare, page.units, strict=True)], *page.rows]
     ),

@@ -136,6 +136,7 @@ def rivals(
 
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
 PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
+MAX_COMPARED = 60  # columns without names, of which each is compared with each
 COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line
 MIN_COPY_SHARE = 0.5  # of the files
 MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
@@ -202,7 +203,7 @@ def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:
     """
     each = [[column.values for column in one.columns] for one in alike]
     pooled = [np.concatenate(same) for same in zip(*each, strict=True)]
-    width = len(pooled)
+    width = len(pooled) if len(pooled) <= MAX_COMPARED else 0
     pairs = [(n, later) for n in range(width) for later in range(width - 1, n, -1)]
     return {
         n: later

@@ -16,7 +16,7 @@ from pneucli.init.clock_columns import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess
-from pneucli.io.raw_file import ColumnKey
+from pneucli.io.raw_file import ColumnKey, RawFile
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit
 
@@ -252,9 +252,8 @@ def _layout(kind: FileGroup) -> list[str]:
     """Return how the text has to be read, as far as reading does not find it by itself."""
     raw = kind.surveys[0].raw
     keys = ("header", "skip_rows", "part", "delimiter", "decimal")
-    stated = {key: getattr(raw, key) for key in keys}
-    usual = {"header": True, "skip_rows": 0, "part": None, "delimiter": None, "decimal": None}
-    return [f"{key} = {tomlkit.item(value).as_string()}" for key, value in stated.items() if value != usual[key]]
+    usual, stated = RawFile(raw.path, {}), {key: getattr(raw, key) for key in keys}
+    return [f"{key} = {tomlkit.item(own).as_string()}" for key, own in stated.items() if own != getattr(usual, key)]
 
 
 def _line(line: Line) -> str:

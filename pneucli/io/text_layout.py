@@ -26,14 +26,15 @@ _SET = r"[^\s,=]+=[^\s,=]+"
 class Rewriting:
     """A pattern of a line and what is read for it, for text and for bytes in UTF-8; ``{}`` is the delimiter.
 
-    ``seen``: the pattern that tells that a text is written so, where that is another one; ``said``: what of a text is
-    left out.
+    ``seen``: the pattern that tells that a text is written so, where that is another one, ``told`` what else has to;
+    ``said``: what of a text is left out.
     """
 
     pattern: str
     plain: str
     seen: str = ""
     said: str = ""
+    told: Callable[[str], bool] = bool
 
     def of(self, delimiter: str) -> tuple[re.Pattern[str], str]:
         """Return pattern and replacement in a text that is cut by a delimiter."""
@@ -44,6 +45,15 @@ class Rewriting:
 
 KEY = r"(?:^|(?<=[,;\t ]))[A-Za-z_]\w*(?:[ ]?[:=][ ]?(?=[-+]?\.?\d)|=(?=[^\s=]))"  # as in "p1:1.02", "state=on"
 KEYED = Rewriting(KEY, "")
+
+
+def _cuts_stamps(text: str) -> bool:
+    """Return whether a comma before milliseconds cuts stamps in two: the line above the rows has a field less."""
+    lines = text.split("\n")
+    first = next((n for n, line in enumerate(lines) if re.search(r"\d\d:\d\d:\d\d,\d{3},", line)), 0)
+    return first > 0 and lines[first].count(",") == lines[first - 1].count(",") + 1
+
+
 _REWRITINGS = (
     Rewriting(r"^([\d:.,]+)\s*->\s*", r"\1{}"),  # between a stamp and what a serial monitor shows after it
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
@@ -58,6 +68,7 @@ _REWRITINGS = (
         "",
         said="what stands behind ± in a cell, its uncertainty, is left out",
     ),
+    Rewriting(r"(\d\d:\d\d:\d\d),(\d{3})(?={})", r"\1.\2", told=_cuts_stamps),  # as Python's logging writes
     Rewriting(
         r" (?=[^\s,=]+=|\d{10,19}\s*$)", ",", seen=rf"^[^\s,=]+(?:,{_SET})* {_SET}(?:,{_SET})* \d{{10,19}}\s*$"
     ),  # line protocol: a name and tags, fields, and a stamp, apart by blanks
@@ -71,7 +82,9 @@ def rewritings_in(text: str) -> tuple[Rewriting, ...]:
     (1, 0)
     """
     return tuple(
-        one for one in _REWRITINGS if re.search(one.seen or one.pattern.replace("{}", ","), text, re.MULTILINE)
+        one
+        for one in _REWRITINGS
+        if re.search(one.seen or one.pattern.replace("{}", ","), text, re.MULTILINE) and one.told(text)
     )
 
 
@@ -101,7 +114,7 @@ _WORD = re.compile(r"[\dA-F]{4}|[\dA-F]{8}|[\da-f]{4}|[\da-f]{8}")
 _KEY = re.compile(KEY)
 _NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
 MIN_KEYED = 2  # cells of a line that say a name and a number, where others say none
-_BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
+BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
 _DELIMITERS = ("\t", ";", ",", " ")
 _BLANK_NAMES = (" ", r"\s+", "whitespace")  # as some programs call blanks
 _DELIMITER_MARKS = (*_BLANK_NAMES, "\t", *(mark for mark in string.punctuation if mark not in "\"#'+-."))
@@ -302,12 +315,13 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
         )
     decimal = raw.decimal or _decimal(body)
     skip = rows[raw.header + units]
-    units_row = tuple(_BRACKETS.sub(r"\1", field) for field in first) if units else ()
-    kinds = {"stamps": is_date_or_time, "labels": _is_label, "dates": is_date, "dated_stamps": has_date}
+    units_row = tuple(BRACKETS.sub(r"\1", field) for field in first) if units else ()
+    kinds = {"stamps": is_date_or_time, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
     cells = _units_in_cells(body, len(names))
     columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | _bare_hexadecimal(body, len(names))
-    columns["labels"] = columns["labels"] - cells.keys() - columns["hexadecimal"]
+    texts = _columns_of(body, lambda field: not is_value(field), len(names))
+    columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
 
 
@@ -372,10 +386,6 @@ def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) 
 def is_value(field: str) -> bool:
     """Return whether a field is a number, a date or a time of day."""
     return _is_number(field) or is_date_or_time(field) or is_date(field)
-
-
-def _is_label(field: str) -> bool:
-    return not is_value(field)
 
 
 def _check_marks(raw: RawFile) -> None:

@@ -14,6 +14,7 @@ from itertools import pairwise
 from pneucli.errors import InputError, UnitError
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import (
+    BRACKETS,
     NULL_TEXTS,
     Rewriting,
     TextLayout,
@@ -169,7 +170,10 @@ class _DelimitedTable:
         titles = titles or self._other_lines(above, names)
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
         units = units or own or next((row for row in wide if _are_units(row)), ())
-        units = tuple(text.strip("[](){}<> ") for text in units)
+        scales = self._keyed(above, _SCALES) or ("",) * len(units)
+        units = tuple(BRACKETS.sub(r"\1", text) for text in units)
+        scaled = zip(scales, units, strict=False)
+        units = tuple(f"{own} {unit}" if unit and own not in _NO_SCALES else unit for own, unit in scaled)
         return SniffedLayout(direct, skip, self.delimiter, names, units, self._thousands(), titles)
 
     def _header(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], int | None]:
@@ -302,6 +306,8 @@ _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
     r"kanalname"
 )
+_SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")
+_NO_SCALES = ("", "1", "1.0")
 _UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?(?:[ _]labels?)?|einheit(?:en)?|eu|eng\.? units?")
 
 

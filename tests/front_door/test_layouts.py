@@ -18,7 +18,7 @@ from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Column
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
 from pneucli.init.units import pressure_reference
-from pneucli.io.formats import open_raw
+from pneucli.io.formats import is_text, open_raw
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
 from pneucli.io.signal_reader import open_signals
 from pneucli.io.text_layout import detect_encoding
@@ -508,6 +508,32 @@ def test_tables_within_json_are_found(form: str, tmp_path: Path) -> None:
     whole = {"results": [{"statement_id": 0, "series": [series]}]} if form == "influx" else targets
     found = guessed(written(tmp_path, json.dumps(whole), "a.json"))
     assert {found["u"], found["p1"]} == {"valve_V", "p1_bar"}
+
+
+def test_counts_behind_a_time_are_no_milliseconds(tmp_path: Path) -> None:
+    rows = "".join(f"09:15:{n:02d},{100 + n},{200 + n}\n" for n in range(40))
+    values, reader = read(written(tmp_path, "Time,a,b\n" + rows))
+    assert tuple(reader.names) == ("Time", "a", "b")
+    np.testing.assert_array_equal(values, 100.0 + np.arange(40))
+
+
+@pytest.mark.parametrize(
+    ("text", "refused"),
+    [
+        ("".join(f"- t: {n / 100}\n  p1: {n}\n" for n in range(9)), True),
+        ("".join(f"---\nt: {n / 100}\np1: {n}\n" for n in range(9)), True),
+        ("t: [0.0, 0.1, 0.2]\np1: [1.0, 1.1, 1.2]\n", True),
+        ("---\nlogger: 3\nrig: bench\n---\nt,p1\n" + "0.1,2\n" * 9, False),  # CSV below keys
+        ("units: [s, bar]\nt,p1\n" + "0.1,2\n" * 9, False),
+    ],
+)
+def test_yaml_is_refused_by_name(text: str, refused: bool, tmp_path: Path) -> None:
+    path = written(tmp_path, text)
+    if refused:
+        with pytest.raises(InputError, match="this is a YAML document"):
+            is_text(path)
+    else:
+        assert is_text(path)
 
 
 def test_a_block_s_own_head_is_no_row(tmp_path: Path) -> None:

@@ -64,13 +64,18 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
             yield from _tables(one) if isinstance(one, Mapping) else ()
     elif isinstance(node, Mapping):
         names, rows = node.get("columns"), node.get("data", node.get("values"))
+        name, unit = str(node.get("target", node.get("name")) or ""), node.get("unit", node.get("units"))
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
+        elif name and isinstance(node.get("x"), list) and isinstance(node.get("y"), list):
+            names, rows = ["time", "value"], [list(pair) for pair in zip(node["x"], node["y"], strict=False)]
+        elif names is None and name:
+            names = ["time", "value"]  # a series of pairs
         if isinstance(names, list) and isinstance(rows, list) and rows:
             if isinstance(index := node.get("index"), list) and len(index) == len(rows):
                 names, rows = ["index", *names], [[n, *row] for n, row in zip(index, rows, strict=True)]
             if all(isinstance(row, list) and len(row) == len(names) for row in rows):
-                yield str(node.get("target", node.get("name", ""))), [str(name) for name in names], rows
+                yield f"{name} [{unit}]" if unit else name, [str(one) for one in names], rows
                 return
         for one in node.values():
             yield from _tables(one)
