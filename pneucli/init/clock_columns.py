@@ -256,7 +256,7 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
         return "s", "CHECK no unit is stated, and the stamps do not tell one: taken for s"
     period, length = float(np.median(np.diff(values))) or float(np.median(steps)), float(np.ptp(values))
     votes = [*_votes(column, columns, scalars, period, length)]
-    count = {one: sum(_weight(why) for unit, why in votes if unit == one) for one, _ in votes}
+    count = {one: sum(0.5 if why == LIKELIER else 1.0 for unit, why in votes if unit == one) for one, _ in votes}
     if not count:
         return "s", f"CHECK no unit is stated, and a sample every {format_plain(period, 4)} suits none: taken for s"
     best = max(count, key=lambda unit: count[unit])
@@ -278,10 +278,6 @@ def unusual_rate(seconds: Array) -> str:
     if ODD_RATES[0] < 1.0 / period < ODD_RATES[1]:
         return ""
     return f"CHECK the unit of the clock: a sample every {format_plain(period, 3)} s"
-
-
-def _weight(why: str) -> float:
-    return 0.5 if why == LIKELIER else 1.0
 
 
 def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:

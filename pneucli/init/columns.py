@@ -113,7 +113,7 @@ def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) ->
 def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName) -> Guess:
     column = alike[0].columns[n]
     if not signal:
-        return Guess(column, "", name.unit, note=_unknown_unit(column))
+        return Guess(column, "", name.unit, note=f'its unit "{column.written}" is not known' * bool(column.written))
     if signal == "time":
         return _clock_guess(alike[0], column, name)
     missing = _marks(alike, n, signal)
@@ -192,10 +192,6 @@ def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
     unit, note = guess_clock_unit(column, found.columns, found.scalars)
     return Guess(column, "time", unit, False, "", note)
-
-
-def _unknown_unit(column: Column) -> str:
-    return f'its unit "{column.written}" is not known' if column.written else ""
 
 
 def _marks(alike: Sequence[Survey], n: int, signal: str) -> tuple[float, ...]:

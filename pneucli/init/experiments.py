@@ -45,17 +45,13 @@ def guess_experiment(kind: FileGroup) -> GuessedExperiment:
     """Return what was tried in the recordings of a kind."""
     has = kind.signals.keys()
     if kind.steady:
-        return GuessedExperiment("flow", [*_open_outlet(kind)])
+        outlet: Line = ("p1", '"1.013 bar"', "CHECK one pressure is recorded: the outlet is open to ambient")
+        return GuessedExperiment("flow", [outlet] * ("p1" not in has))
     if {"x", "u"} <= has and ("p1" in has or "force" not in has):
         return GuessedExperiment("axis", [*_chamber_2(kind)])
     if "x" in has:
         return GuessedExperiment("friction", [*_friction(kind)])
     return GuessedExperiment("valve", [*_command(kind)])
-
-
-def _open_outlet(kind: FileGroup) -> Iterator[Line]:
-    if "p1" not in kind.signals:
-        yield "p1", '"1.013 bar"', "CHECK one pressure is recorded: the outlet is open to ambient"
 
 
 def _chamber_2(kind: FileGroup) -> Iterator[Line]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -89,9 +90,9 @@ def _shaped(
     if long := long_table(columns, labels):
         by_label = {one.where[0] for one in long if one.where is not None}
         taken = {one.key for one in long}
-        beside = {one.name: _as_texts(one.values) for one in columns if one.key not in taken and not one.unit}
-        beside = {key: own for key, own in (beside | dict(labels)).items() if key not in by_label}
-        return long, [*words, *(_counted(key, own) for key, own in beside.items())], []
+        further = [one for one in columns if one.key not in taken and not one.unit]
+        beside = {one.name: [f"{value:g}" for value in one.values] for one in further} | dict(labels)
+        return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in by_label)], []
 
     def as_text(column: Column) -> ColumnValues:
         return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
@@ -105,10 +106,6 @@ def _shaped(
     return (clocked[0][1] if clocked else _with_clocks(columns)), unused, clocked
 
 
-def _as_texts(values: Array) -> ColumnValues:
-    return np.array([f"{value:g}" for value in values], dtype=object)
-
-
 def _with_clocks(columns: Sequence[Column]) -> list[Column]:
     found = [*computed_clocks(columns), *columns]
     behind = pressure_behind_valve(found, [read_name(one, False) for one in found])
@@ -119,7 +116,7 @@ def _has_names(reader: Reader, columns: Sequence[Column]) -> bool:
     return all(isinstance(one.key, str) and list(reader.names).count(one.key) == 1 for one in columns)
 
 
-def _counted(key: str, texts: ColumnValues) -> str:
+def _counted(key: str, texts: Iterable[Any]) -> str:
     """Return a column of text in words: what stands in it, and how often."""
     often = Counter(str(text) for text in texts if text)
     listed = ", ".join(f'"{text}" {count} times' for text, count in often.most_common(MAX_TEXTS))

@@ -202,12 +202,9 @@ def contradicted_parts(findings: Iterable[Implausible]) -> list[tuple[str, str |
     [('run', 'a')]
     """
     found = contradictions(findings)
-    dead = {(one.recording, one.signal if _is_dead_derivative(one) else None) for one in found}
+    alone = [one.check == "silent" and one.signal in DERIVATIVES for one in found]
+    dead = {(one.recording, one.signal if is_alone else None) for one, is_alone in zip(found, alone, strict=True)}
     return sorted(dead, key=lambda part: (part[0], part[1] or ""))
-
-
-def _is_dead_derivative(finding: Implausible) -> bool:
-    return finding.check == "silent" and finding.signal in DERIVATIVES
 
 
 def rank(finding: Implausible) -> int:

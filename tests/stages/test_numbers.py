@@ -24,7 +24,7 @@ INTERVAL = re.compile(r"(−?[\d.]+) ± ([\d.]+)")
 # modules that write numbers for programs, or that lie below the formatter: none of an estimate
 FOR_PROGRAMS = {
     *("config/key_reference.py", "config/load.py", "config/value_types.py", "units.py"),  # what a file may hold
-    *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/questions.py", "init/writer.py"),  # TOML
+    *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/writer.py"),  # TOML
     "init/survey.py",  # names of runs
     *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
     *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/plant.py"),

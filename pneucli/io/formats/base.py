@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ class Format:
         unpack: Writes what a packed file holds into an empty folder, and returns the path.
         refused: What is said of a format that is not read, and what to do about it.
         magic: The bytes that files of it begin with.
+        pattern: A regular expression that the first 4096 bytes match where no magic does.
         recognises: Decides where these do not: by the first 4096 bytes, and by the path.
         column: What is a column of it, for the documentation.
         extra: The extra that reading it needs; "" for none.
@@ -40,6 +42,7 @@ class Format:
     unpack: Callable[[Path, Path], Path] | None = None
     refused: str = ""
     magic: tuple[bytes, ...] = ()
+    pattern: bytes = b""
     recognises: Callable[[bytes, Path], bool] | None = None
     column: str = "a name"
     extra: str = ""
@@ -49,4 +52,5 @@ class Format:
 
     def has(self, head: bytes, path: Path) -> bool:
         """Return whether a file is of this format, by its first bytes."""
-        return head.startswith(self.magic) or (self.recognises is not None and self.recognises(head, path))
+        told = head.startswith(self.magic) or (self.pattern and re.match(self.pattern, head) is not None)
+        return bool(told) or (self.recognises is not None and self.recognises(head, path))

@@ -263,19 +263,11 @@ def _is_own(h5py: Any, group: Any, key: str) -> bool:
     return isinstance(group.get(key), h5py.Group | h5py.Dataset)
 
 
-MAGIC = b"\x89HDF\r\n\x1a\n"
-MATLAB_BLOCK = 512  # bytes that MATLAB writes before it
-
-
-def _is_hdf5(head: bytes, _: Path) -> bool:
-    return MAGIC in (head[: len(MAGIC)], head[MATLAB_BLOCK : MATLAB_BLOCK + len(MAGIC)])
-
-
 HDF5 = Format(
     "HDF5",
     "HDF5, netCDF, MATLAB v7.3, frames of pandas",
     open_hdf5,
-    recognises=_is_hdf5,
+    pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
     used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value` and values beyond `valid_range` are "

@@ -29,12 +29,6 @@ def open_json(path: Path) -> ColumnReader:
     return reader
 
 
-def is_json(head: bytes, _: Path) -> bool:
-    """Return whether the first bytes of a file begin JSON: an object or a list, and no text in brackets."""
-    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:256].replace(b" ", b"").replace(b"\n", b"").replace(b"\r", b"")
-    return start.startswith((b'{"', b'[{"', b"[{}", b"{}"))
-
-
 def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -124,4 +118,10 @@ def _vector(values: Sequence[Any]) -> ColumnValues:
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
 
-JSON = Format("JSON", "JSON, JSON lines", open_json, recognises=is_json, column="a name, or a path `a/b`")
+JSON = Format(
+    "JSON",
+    "JSON, JSON lines",
+    open_json,
+    pattern=rb"[\xef\xbb\xbf\s]*(?:\[\s*)?\{\s*[\"}]",
+    column="a name, or a path `a/b`",
+)

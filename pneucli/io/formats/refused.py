@@ -2,32 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 from pneucli.io.formats.base import Format
 
-
-def _is_tar(head: bytes, _: Path) -> bool:
-    return head[257:262] == b"ustar"
-
-
-def _is_markup(head: bytes, path: Path) -> bool:
-    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:9].lower()
-    return start.startswith((b"<?xml", b"<!doctype", b"<html", b"<table"))
-
-
-def _is_yaml(head: bytes, _: Path) -> bool:
-    """Return whether a text is numbers in YAML, and no CSV below keys: ``- t: 1`` above ``  u: 5``, or ``t: [1, 2``."""
-    return _YAML.match(head) is not None
-
-
-_YAML = re.compile(
+# numbers in YAML, and no CSV below keys: "- t: 1" above "  u: 5", or "t: [1, 2"
+_YAML = (
     rb"(?:\xef\xbb\xbf)?(?:(?:---\s+)?- \w+: -?\d\S*\s*\n +\w+: -?\d|\w+: ?\[-?\d[\d.eE+-]*, |"
     rb"---\s+(?:\w+: -?\d\S*\s*\n){2,}---)"
 )
-
-
+_MARKUP = rb"(?i)[\xef\xbb\xbf\s]*<(?:\?xml|!doctype|html|table)"
 ROS_1 = Format("bag", magic=(b"#ROSBAG V",), refused="bag of ROS 1; convert it with rosbags-convert, then use the mcap")
 PICKLE = Format(
     "pickle",
@@ -39,6 +21,6 @@ PICTURE = Format("picture", magic=(b"\xff\xd8\xff", b"\x89PNG"), refused="pictur
 SEVEN_ZIP = Format("7-Zip", magic=(b"7z\xbc\xaf\x27\x1c",), refused="7-Zip archive; unpack it first")
 RAR = Format("RAR", magic=(b"Rar!\x1a\x07",), refused="RAR archive; unpack it first")
 ZSTANDARD = Format("Zstandard", magic=(b"\x28\xb5\x2f\xfd",), refused="Zstandard file; unpack it first")
-MARKUP = Format("XML", recognises=_is_markup, refused="XML or HTML document; export the numbers as CSV")
-YAML = Format("YAML", recognises=_is_yaml, refused="YAML document; export the numbers as CSV or JSON")
-TAR = Format("tar", recognises=_is_tar, refused="tar archive; unpack it first")
+MARKUP = Format("XML", pattern=_MARKUP, refused="XML or HTML document; export the numbers as CSV")
+YAML = Format("YAML", pattern=_YAML, refused="YAML document; export the numbers as CSV or JSON")
+TAR = Format("tar", pattern=rb"(?s).{257}ustar", refused="tar archive; unpack it first")
