@@ -42,6 +42,7 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_EXCURSION,  # m: distance since the last reversal or rest; N: peak of the force along it, the air's at its begin
     S_PEAK_FORCE,
     S_FIRST_FORCE,
+    S_FROM_HOLD,  # 1: it began while the piston was held
     S_LOOP_GAIN,  # 1: factor on the position loop, reduced after oscillation on elastic seals
     S_FORCE_RAMP,  # N: rise of the force on an elastic piston since it sticks
     S_DEADBAND_GAIN,  # 1: factor on the holding band, increased after overshoots
@@ -112,10 +113,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(103)
+) = range(104)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (103 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (104 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s

@@ -29,8 +29,8 @@ State chart (state variable in brackets; "at rest": the reference has rested for
                      shorten by 30 % widens the dead band by up to a half, toward half that jump, or to it where the
                      error was turned round rather than reduced
     elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
-      entered  at rest, excursion > 2 C_HOLDING_BAND under a peak force < 0.5 Coulomb friction, while the air's
-               force rises along it by 1.5 Coulomb friction in C_PRESLIDING_DISTANCE or more (detect_motion)
+      entered  at rest, excursion > 2 C_HOLDING_BAND under a peak force < 0.5 Coulomb friction; out of HOLD
+               while the air's force rises along it by 1.5 Coulomb friction in C_PRESLIDING_DISTANCE (detect_motion)
       left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1)
       PRESSURES LAG  keep the force          STICKING  the force grows exponentially [S_FORCE_RAMP]
       RETURNING      unload the ramp         MOVING    integrate the predicted stopping error
@@ -68,8 +68,8 @@ def detect_motion(force, s, c):
     """Detect whether the piston moves, and whether it is elastic: it moves under a force that friction must hold.
 
     A rigid piston starts, and reverses, only under more than dry friction. An excursion longer than the presliding
-    distance is sliding, whatever is elastic; one along which the air's force does not rise, as even the softest seal
-    asks, is of a load. ``force`` is the net force in N without friction.
+    distance is sliding, whatever is elastic; one out of HOLD along which the air's force does not rise, as even the
+    softest seal asks, is of a load. ``force`` is the net force in N without friction.
     """
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
     s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_HOLDING_BAND] else 0.0
@@ -83,11 +83,13 @@ def detect_motion(force, s, c):
         s[S_EXCURSION] = 0.0
         s[S_PEAK_FORCE] = 0.0
         s[S_FIRST_FORCE] = force - s[S_LOAD]
+        s[S_FROM_HOLD] = s[S_HOLD]
     s[S_EXCURSION] += c[C_PERIOD] * s[S_V]
     s[S_PEAK_FORCE] = max(s[S_PEAK_FORCE], force * sign(s[S_V]))
     friction = c[C_COULOMB] * dry_friction_factor(s[S_X], s[S_V], s, c)
     bent = (force - s[S_LOAD] - s[S_FIRST_FORCE]) * sign(s[S_EXCURSION]) * c[C_PRESLIDING_DISTANCE]
-    held = s[S_PEAK_FORCE] < 0.5 * friction and bent > 1.5 * friction * math.fabs(s[S_EXCURSION])
+    loaded = s[S_FROM_HOLD] > 0.5 and bent < 1.5 * friction * math.fabs(s[S_EXCURSION])
+    held = s[S_PEAK_FORCE] < 0.5 * friction and not loaded
     if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
         s[S_ELASTIC] = 1.0
     if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (

@@ -35,8 +35,19 @@ def stirred(force: float, way: float, **given: float) -> np.ndarray:
         (0.4 * COULOMB, 3 * REACH, {"PEAK_FORCE": 1.1 * COULOMB}, 0.0),  # it was pushed loose before
         (0.4 * COULOMB, 1 * REACH, {}, 0.0),  # noise goes as far
         (0.4 * COULOMB, 3 * REACH, {"REF_REST_TIME": 0.0}, 0.0),  # it shall move
-        (0.4 * COULOMB, 3 * REACH, {"FIRST_FORCE": 0.4 * COULOMB}, 0.0),  # the air pushes no more than before: a load
-        (-0.4 * COULOMB, -3 * REACH, {"V": -1e-3, "LOAD": -0.4 * COULOMB}, 0.0),  # nor does it where the load rises
+        (
+            0.4 * COULOMB,
+            3 * REACH,
+            {"FROM_HOLD": 1.0, "FIRST_FORCE": 0.4 * COULOMB},
+            0.0,
+        ),  # a load: the air pushes no more
+        (
+            -0.4 * COULOMB,
+            -3 * REACH,
+            {"FROM_HOLD": 1.0, "V": -1e-3, "LOAD": -0.4 * COULOMB},
+            0.0,
+        ),  # nor does it where the load rises
+        (0.4 * COULOMB, 3 * REACH, {"FIRST_FORCE": 0.4 * COULOMB}, 1.0),  # it was not held
         (0.4 * COULOMB, 6e-4, {"ELASTIC": 1.0}, 0.0),  # no spring gives way so far
         (0.4 * COULOMB, 3 * REACH, {"ELASTIC": 1.0, "X_SHAPED": 0.101}, 0.0),  # a load took it away
     ],
