@@ -31,6 +31,22 @@ def unit(reader: Reader, name: str) -> str | None:
     return reader.units.get(list(reader.names).index(name))
 
 
+@pytest.mark.parametrize("absent", [(), (1,), (0, 2)])
+def test_parts_of_a_recording_that_were_not_copied_are_missing(tmp_path: Path, absent: tuple[int, ...]) -> None:
+    """HDF5 reads them as 0 (findings/h5py-parts-missing.sh)."""
+    layout = h5py.VirtualLayout(shape=(9,), dtype="i4")
+    for part in range(3):
+        if part not in absent:
+            with h5py.File(tmp_path / f"part{part}.h5", "w") as file:
+                file["p"] = np.full(3, part + 1)
+        layout[3 * part : 3 * part + 3] = h5py.VirtualSource(f"part{part}.h5", "p", shape=(3,), dtype="i4")
+    with h5py.File(tmp_path / "all.h5", "w") as file:
+        file.create_virtual_dataset("p", layout)
+    found = column(opened(tmp_path / "all.h5"), "p").reshape(3, 3)
+    for part, values in enumerate(found):
+        np.testing.assert_array_equal(values, np.nan if part in absent else part + 1.0)
+
+
 @pytest.mark.parametrize("kind", ["datetime64[{}]", "datetime64[{}, UTC]", "timedelta64[{}]"])
 @pytest.mark.parametrize("tick", TICKS)
 @pytest.mark.parametrize("form", ["fixed", "table"])

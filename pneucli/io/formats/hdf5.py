@@ -215,12 +215,27 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
 
 
 def _read(file: Any, place: Place) -> ColumnValues:
-    array = file[place.dataset][()] if place.field is None else file[place.dataset][place.field]
+    dataset = file[place.dataset]
+    array = _without_absent_parts(dataset, dataset[()] if place.field is None else dataset[place.field])
     if place.column is not None:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
     if place.stamps is not None:
         array = np.asarray(array).astype(np.int64).view(place.stamps)
-    return np.ravel(unpacked(file[place.dataset], array))
+    return np.ravel(unpacked(dataset, array))
+
+
+def _without_absent_parts(dataset: Any, array: Any) -> Any:
+    """Return the values of a dataset that joins parts of other files, NaN where such a file is not there.
+
+    HDF5 reads its fill value there, 0 where nobody states one. A name with % stands for a row of files.
+    """
+    folder = Path(dataset.file.filename).parent
+    for part in dataset.virtual_sources() if dataset.is_virtual else ():
+        if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
+            first, last = part.vspace.get_select_bounds()
+            array = np.asarray(array, dtype=np.float64)
+            array[tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))] = np.nan
+    return array
 
 
 def _unit(dataset: Any) -> str:
@@ -271,7 +286,7 @@ HDF5 = Format(
     column="a path, `group/name`",
     extra="hdf5",
     used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value` and values beyond `valid_range` are "
-    "missing; `milliseconds since ...` is a unit and a start; the unit of stamps and durations of pandas; empty arrays "
-    "of MATLAB are no columns",
+    "missing, as are parts of a virtual dataset whose files are not there; `milliseconds since ...` is a unit and a "
+    "start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )
