@@ -285,8 +285,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value` and values beyond `valid_range` are "
-    "missing, as are parts of a virtual dataset whose files are not there; `milliseconds since ...` is a unit and a "
-    "start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts of "
+    "a virtual dataset without their file are missing; `milliseconds since ...` is a unit and a start; the unit of "
+    "stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )
