@@ -52,13 +52,19 @@ class Model:
         return (self.valve,) if self.valve_2 is None else (self.valve, self.valve_2)
 
     @property
-    def excluded_parts(self) -> frozenset[Part]:
-        """Parts whose effects cannot be missing: the valve's form contains them, or the rig has no such part."""
+    def lacking_parts(self) -> frozenset[Part]:
+        """Parts that the rig has not."""
         lacking: dict[Part, bool] = {
             "pump": self.rig.source != "pump",
             "pressure valve": self.rig.valve_kind != "pressure",
+            "switching valve": self.valve.form != "switching",
         }
-        return self.valve.covers | {part for part, is_lacking in lacking.items() if is_lacking}
+        return frozenset(part for part, is_lacking in lacking.items() if is_lacking)
+
+    @property
+    def excluded_parts(self) -> frozenset[Part]:
+        """Parts whose effects cannot be missing: the valve's form contains them, or the rig has no such part."""
+        return self.valve.covers | self.lacking_parts
 
     def valve_parameters(self) -> dict[str, tuple[float, str]]:
         """Return value and unit of the parameters of the valves by name."""

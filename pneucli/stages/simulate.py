@@ -126,12 +126,8 @@ def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
 
 def effects_to_draw(study: PipelineData, model: Model) -> tuple[Effect, ...]:
     """Return the effects of the catalogue that the axis of a model may have beside its own, each for both chambers."""
-    active, parts = (
-        {e.name for e in model.effects},
-        EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False),
-    )
-    if model.valve.form != "switching":
-        parts -= {"switching valve"}  # no other one has its coils
+    active = {e.name for e in model.effects}
+    parts = EXPERIMENT_KINDS["axis"].parts(vessel_is_chamber=False, supply_recorded=False) - model.lacking_parts
     return tuple(
         e for e in study.available_effects.values() if e.name not in active and e.side is None and e.part in parts
     )

@@ -38,7 +38,7 @@ def test_a_map_covers_the_overlap_but_a_gain_does_not():
 
 def test_only_a_rig_that_has_a_part_can_lack_its_law():
     plain = Model(RIG, valve=VALVE)
-    assert plain.excluded_parts == VALVE.covers | {"pump", "pressure valve"}
+    assert plain.excluded_parts == VALVE.covers | {"pump", "pressure valve", "switching valve"}
     pumped = replace(plain, rig=replace(RIG, source="pump"))
     assert plain.excluded_parts - pumped.excluded_parts == {"pump"}
     regulating = replace(plain, rig=replace(RIG, valve_kind="pressure"))

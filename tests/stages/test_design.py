@@ -170,12 +170,12 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
     assert "closed loop, " in told
 
 
-def test_a_study_draws_no_effect_of_a_valve_that_the_rig_has_not(designed: Demo) -> None:
+def test_a_study_draws_no_effect_of_a_part_that_the_rig_has_not(designed: Demo) -> None:
     study = PipelineData(context_of(designed, "simulate"))
     model = load_model(designed[0] / "identify", study.rig, study.effects)
     drawn = {e.name for e in simulate.effects_to_draw(study, model)}
     assert {"valve-lag", "valve-deadband", "line-delay"} <= drawn
-    assert not {"switching-time", "chamber-leak:2"} & drawn
+    assert not {"switching-time", "pressure-control", "pump-flow", "chamber-leak:2"} & drawn
 
 
 def test_every_law_stands_on_the_bench_with_and_without_the_map(designed: Demo) -> None:

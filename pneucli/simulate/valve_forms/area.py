@@ -60,7 +60,7 @@ class ValveArea:
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "map"
     # parts whose effects are in the map, or act on another valve
-    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve", "switching valve"})
+    covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at commands u in V, of their shape."""

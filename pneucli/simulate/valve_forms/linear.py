@@ -21,7 +21,7 @@ class LinearValve:
     max_command: float
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
-    covers: ClassVar[frozenset[Part]] = frozenset({"switching valve"})
+    covers: ClassVar[frozenset[Part]] = frozenset()
     interpolation_uncertainty: ClassVar[float] = 0.0  # it has no knots
 
     def __call__(self, u: Array) -> Array:
