@@ -203,19 +203,25 @@ class Cleaner:
         self._count(name, "nan", _indices_within(missing, start, end).size)
         values = _with_nan_at(values, infinite)
         is_series = name not in COMMANDS and not self._steady
-        if name == "x" and is_series and not self._kept and axis_unit("m") == "m":
-            stale = find_stale_start(time, finite, self._noise.get(name, 0.0))
-            self._count(name, "stale", stale.size)
-            values = _with_nan_at(values, stale)
-        spikes = _indices_within(find_spikes(finite, self._noise.get(name, 0.0)), start, end) if is_series else infinite
-        self._count(name, "spike", spikes.size if is_series else 0)
-        values = _with_nan_at(values, spikes)
+        if is_series:
+            values = self._without_jumps(name, values, finite, time, start, end)
         if name in PRESSURES:
             self._count(name, "vacuum", int(np.count_nonzero(values[start:end] <= 0.0)))
         if not is_series:
             return values
         saturated = self._runs.setdefault(name, StuckChannelDetector(name)).update(values[start:end])
         return _with_nan_at(values, start + np.flatnonzero(saturated))
+
+    def _without_jumps(self, name: str, values: Array, finite: Array, time: Array, start: int, end: int) -> Array:
+        """Return a signal without its spikes, and a position without what the recorder held before the first one."""
+        noise = self._noise.get(name, 0.0)
+        if name == "x" and not self._kept and axis_unit("m") == "m":
+            stale = find_stale_start(time, finite, noise)
+            self._count(name, "stale", stale.size)
+            values = _with_nan_at(values, stale)
+        spikes = _indices_within(find_spikes(finite, noise), start, end)
+        self._count(name, "spike", spikes.size)
+        return _with_nan_at(values, spikes)
 
     def _count(self, signal: str, kind: str, count: int) -> None:
         if count:

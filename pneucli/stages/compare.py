@@ -236,7 +236,7 @@ def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model:
     replay, places = looked.replay, looked.log.grid_indices
     # a position that is counted is logged as it is
     rounded = {n: log_resolution(recording[n]) for n in ("x", "x_ref", "p1", "p2", "p_supply") if n in recording}
-    steps = {n: step for n, step in rounded.items() if n == "x_ref" or _noise_rms(recording, n) > step > 0.0}
+    steps = {n: step for n, step in rounded.items() if n == "x_ref" or recording.noise_rms(n) > step > 0.0}
     off = replay_rounding_error(looked.engine, looked.log, replay, steps) if steps else 0.0
     names = ["u", *(["u2"] if "u2" in recording else [])]
     read = {name: recording[name] for name in names}
@@ -251,10 +251,6 @@ def with_commands(found: Comparison, replayed: Mapping[str, ReplayedLog], model:
         measured={**found.measured, **read},
         modelled={**found.modelled, **commands},
     )
-
-
-def _noise_rms(recording: Recording, name: str) -> float:
-    return recording.noise_rms(name)
 
 
 def _command_error_floor(recording: Recording, name: str, off: float) -> float:
