@@ -558,10 +558,11 @@ class Tally:
         """Count the answers to some cases."""
         out = cls(Counts(), 0, 0, 0, [], [])
         for case, rows in cases:
+            failed = any(is_fault(one) for one in rows.values())
             if row := rows.get("diagnose"):
                 out.counts += judged(case.truth, row)
+                out.counts += Counts(faults=int(failed and not is_fault(row)))
             else:
-                failed = any(is_fault(one) for one in rows.values())
                 refused = any(is_refused(one) for one in rows.values())
                 answered = int(not failed and not refused)
                 out.counts += Counts(cases=1, answered=answered, refused=int(refused), faults=int(failed))

@@ -242,6 +242,14 @@ def test_a_tile_has_a_title_and_a_colour() -> None:
     assert tiles(page) == {"The model": "bad", "Controller": "none"}
 
 
+def test_a_fault_of_another_command_counts_where_the_diagnosis_answers() -> None:
+    case = score.Case("exam", "one", ("identify", "diagnose"), HEALTHY)
+    asked = {"identify": {"command": "identify", "exit": 3}, "diagnose": diagnosis()}
+    rows = {command: {**row, "seconds": 1.0, "MB": 9} for command, row in asked.items()}
+    assert score.Tally.of([(case, rows)]).counts.faults == 1
+    assert score.Tally.of([(case, {**rows, "diagnose": {**rows["diagnose"], "exit": 3}})]).counts.faults == 1
+
+
 def test_a_sample_is_spread_evenly() -> None:
     assert sampled(range(10), 3) == [0, 3, 6]
     assert sampled(range(2), 3) == [0, 1]

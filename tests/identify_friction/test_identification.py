@@ -91,6 +91,18 @@ def test_what_cannot_be_identified_is_said() -> None:
         identify_friction([run()], Model(RIG)).model("G")
 
 
+def test_a_piston_that_stands_on_an_end_throughout_shows_no_friction() -> None:
+    model = Model(replace(RIG, stroke=1.0))
+    moving = run()
+    noise = 1e-6 * np.random.default_rng(5).standard_normal(moving.time.size)
+    signals = {name: y for name, y in moving.signals.items() if name not in ("v", "a")}
+    standing = replace(moving, name="standing", signals={**signals, "x": 1.0 + noise})
+    found = identify_friction([moving, standing], model)
+    assert [m.recording.name for m in found.motions] == [moving.name]
+    with pytest.raises(InputError, match="0 moving samples"):
+        identify_friction([standing], model)
+
+
 def test_a_mass_left_out_is_identified() -> None:
     found = identify_friction([run()], Model(replace(RIG, moving_mass=None)))
     assert found.mass is not None

@@ -242,7 +242,8 @@ def identify_friction(
         InputError: There is no such recording, drive or motion was not recorded, or hardly anything moves.
 
     """
-    motions = with_contact([estimate_motion(r, model) for r in _friction_recordings(recordings)], model.rig.stroke)
+    every = with_contact([estimate_motion(r, model) for r in _friction_recordings(recordings)], model.rig.stroke)
+    motions = tuple(m for m in every if m.valid.any())  # a piston that stands on an end throughout shows no friction
     train = [m for m in motions if m.recording.use == "train"]
     warnings: list[Finding] = []
     mass = _mass(train, warnings)
