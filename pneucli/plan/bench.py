@@ -103,8 +103,10 @@ class Bench:
         """Gain in V/m of the proportional loop of a bench that is driven by position."""
         return self.command_range / (self.loop_range * (self.rig.stroke or np.inf))
 
-    def balanced_start(self, x: float) -> State:
-        """Return the state at rest at x: gas enclosed in chamber 2 changes isothermally, p1 balances it."""
+    def balanced_start(self, x: float, load: float = 0.0) -> State:
+        """Return the state at rest at x under a load in N: gas enclosed in chamber 2 changes isothermally, and p1
+        balances both; a load that pushes outward is balanced by a chamber 2 that the valve fills.
+        """
         rig, start = self.rig, self.start
         area_1, area_2 = rig.piston_areas
         p2 = start.p2
@@ -114,6 +116,10 @@ class Bench:
             dead = rig.dead_volume_2 or 0.1 * area_2 * rig.stroke
             p2 *= (dead + area_2 * (rig.stroke - start.x)) / (dead + area_2 * (rig.stroke - x))
         p1 = rig.ambient_pressure + area_2 * (p2 - rig.ambient_pressure) / area_1 if area_1 else start.p1
+        if load < 0.0 and self.template.chamber_2 == "valve" and area_2:
+            p2 -= load / area_2
+        elif load:
+            p1 = max(p1 + load / area_1, rig.ambient_pressure)
         return State(x, p1, p2, start.p_supply)
 
 

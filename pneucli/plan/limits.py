@@ -169,9 +169,10 @@ def violations(outcome: Outcome, limits: Limits, rig: Rig) -> list[Violation]:
     for name, pressure in checked:
         found += _above(name, pressure, limits.max_pressure, "Pa")
         found += _below(name, pressure, outcome.lowest_pressure, "Pa")
-    if outcome.x is not None:
-        found += _below("x", outcome.x, limits.position[0], "m")
-        found += _above("x", outcome.x, limits.position[1], "m")
+    if outcome.x is not None:  # it may stand where it starts: a spring holds a piston on its end
+        first = float(outcome.x[0])
+        found += _below("x", outcome.x, min(limits.position[0], first), "m")
+        found += _above("x", outcome.x, max(limits.position[1], first), "m")
     if outcome.v is not None:
         found += _above("v", np.abs(outcome.v), limits.max_speed, "m/s")
     if outcome.p2 is not None and rig.has_cylinder:

@@ -38,14 +38,14 @@ def simulate_manoeuvre(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     return _run_kernel(manoeuvre, model)
 
 
-def start_of(manoeuvre: Manoeuvre) -> State:
-    """Return the state at rest from which a manoeuvre starts."""
+def start_of(manoeuvre: Manoeuvre, model: Model) -> State:
+    """Return the state at rest from which a manoeuvre starts; a valve balances springs and weights."""
     bench = manoeuvre.bench
     if bench.template.kind.vessel:
         return bench.start
-    if bench.drive == "valve":
-        return bench.balanced_start(bench.start.x)
-    first = manoeuvre.profile[0].start
+    first = bench.start.x if bench.drive == "valve" else manoeuvre.profile[0].start
+    if bench.drive in ("valve", "position"):
+        return bench.balanced_start(first, _load_at_rest(model, bench, bench.balanced_start(first)) - manoeuvre.force)
     if bench.drive == "motion" and manoeuvre.pressure is not None:
         bench = replace(bench, start=replace(bench.start, x=first, p2=manoeuvre.pressure))
     return bench.balanced_start(first)
@@ -66,7 +66,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     )
     kernel.run(
         read_only(time),
-        _kernel_inputs(manoeuvre, command, gain),
+        _kernel_inputs(manoeuvre, model, command, gain),
         np.zeros(1, dtype=np.int64),
         _base_vector(manoeuvre, model),
         kernel.effect_vector(model.effect_values()),
@@ -78,7 +78,7 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
         np.array([gain, abs(bench.rig.valve_null) + bench.command_range]),
         out,
     )
-    readings = _kernel_readings(manoeuvre, command, out)
+    readings = _kernel_readings(manoeuvre, model, command, out)
     into_1 = np.maximum(out[:, at.FLOW], 0.0) if template.chamber_2 != "valve" else np.abs(out[:, at.FLOW])
     air = float(np.sum(into_1) * bench.period)
     if template.kind.vessel:
@@ -86,12 +86,12 @@ def _run_kernel(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     return Outcome(time, readings, out[:, at.P1], out[:, at.P2], out[:, at.X], out[:, at.V], air)
 
 
-def _kernel_inputs(manoeuvre: Manoeuvre, command: Array, gain: float) -> Array:
+def _kernel_inputs(manoeuvre: Manoeuvre, model: Model, command: Array, gain: float) -> Array:
     """Return the inputs (n, 8): commands or reference, supply, force, and the start in every row.
 
     The loop of the kernel has its zero at 0 V: the null command is a shift of the reference.
     """
-    bench, start = manoeuvre.bench, start_of(manoeuvre)
+    bench, start = manoeuvre.bench, start_of(manoeuvre, model)
     null, inputs = bench.rig.valve_null, np.zeros((command.size, len(at.INPUTS)))
     inputs[:, at.IN_SUPPLY], inputs[:, at.IN_FORCE] = start.p_supply, manoeuvre.force
     inputs[:, [at.IN_X, at.IN_P1, at.IN_P2]] = start.x, start.p1, start.p2
@@ -108,7 +108,7 @@ def _base_vector(manoeuvre: Manoeuvre, model: Model) -> Array:
     return base_vector_of(model, volume if bench.template.kind.vessel else None, manoeuvre.added_mass)
 
 
-def _kernel_readings(manoeuvre: Manoeuvre, command: Array, out: Array) -> dict[str, Array]:
+def _kernel_readings(manoeuvre: Manoeuvre, model: Model, command: Array, out: Array) -> dict[str, Array]:
     """Return what sensors and logger read, each (n,)."""
     bench = manoeuvre.bench
     null, span = bench.rig.valve_null, bench.command_range
@@ -118,7 +118,7 @@ def _kernel_readings(manoeuvre: Manoeuvre, command: Array, out: Array) -> dict[s
         "u": commanded,
         "u2": 2.0 * null - commanded,
         "x_ref": command,
-        "p_supply": np.full(command.size, start_of(manoeuvre).p_supply),
+        "p_supply": np.full(command.size, start_of(manoeuvre, model).p_supply),
         "force": np.full(command.size, manoeuvre.force),
     }
 
@@ -152,7 +152,7 @@ def _follow_motion(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     x = _followed(reference, bench.period)
     v = np.gradient(x, bench.period)
     a = np.gradient(v, bench.period)
-    start = start_of(manoeuvre)
+    start = start_of(manoeuvre, model)
     p2 = _chamber_2_pressure(bench, model, x, start.p2)
     base = model.base_values()
     area_1, area_2, ambient = base["rig.piston_area_1"], base["rig.piston_area_2"], rig.ambient_pressure
@@ -244,6 +244,12 @@ def needed_force(
         out,
     )
     return out
+
+
+def _load_at_rest(model: Model, bench: Bench, start: State) -> float:
+    """Return the force in N against +x that springs and weights exert on the resting piston."""
+    still, x = np.zeros(1), np.full(1, start.x)
+    return float(needed_force(model, bench, (x, still, still), (np.full(1, start.p1), np.full(1, start.p2)))[0])
 
 
 def _static_reading(model: Model, port: str, pressure: Array) -> Array:

@@ -119,7 +119,9 @@ def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str,
     simulated = (
         discriminating_manoeuvre(None)
         if best is None
-        else discriminating_manoeuvre(planned_recording(best.manoeuvre).manoeuvre, best.channel, best.times_noise)
+        else discriminating_manoeuvre(
+            planned_recording(best.manoeuvre, found.path.last.model).manoeuvre, best.channel, best.times_noise
+        )
     )
     return f"{distinguishing_experiment((name, other), procedures)} {simulated}"
 

@@ -37,7 +37,7 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import digest
-from pneucli.plan.bench import Bench, described_benches, recorded_benches
+from pneucli.plan.bench import LOOP_RANGE_UNKNOWN, Bench, described_benches, recorded_benches
 from pneucli.plan.first import MODEL_ERROR, extreme_models, sample_residual_models, typical_model, with_typical_spread
 from pneucli.plan.limits import BEST_MODEL, Limits, Refused, Safety, limits_of, models_to_check
 from pneucli.plan.manoeuvre import Manoeuvre, sample
@@ -68,6 +68,7 @@ from pneucli.stages.planned_recordings import planned_recording, planned_recordi
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
 MAX_SHARE_BY_HAND = 0.5  # of the machine time
+MIN_KEPT = 0.5  # of the motions of a position loop
 SEED_DIGITS = 8  # of the digest
 
 
@@ -83,12 +84,13 @@ def run(context: Context) -> dict[str, Any]:
             "--minutes", f"{format_plain(seconds / 60.0)}", f"at least {format_plain(MIN_SECONDS / 60.0)}", code="E001"
         )
     basis = described_rig(context) if first else diagnosed_pipeline(context)
+    basis = replace(basis, benches=[with_kept_loop(bench, basis.safety) for bench in basis.benches])
     context.progress("drawing a programme")
     programme = _drawn(basis, seconds)
     if not programme and not basis.safety.refused:
         raise InputError("--minutes", f"{format_plain(seconds / 60.0)}", "time for the shortest manoeuvre", code="E001")
     if not programme:
-        raise limits_too_narrow(f"{context.path}, key plan")
+        raise limits_too_narrow(f"{context.path}, key plan", _refusals(basis))
     predictions = _predictions(context, basis, programme)
     if by_hand := _needed_by_hand(basis, _total_information(programme, predictions), seconds):
         programme = _drawn(basis, seconds, by_hand)
@@ -99,6 +101,21 @@ def run(context: Context) -> dict[str, Any]:
     answer = plan_answer(context, basis, programme, predictions, powers, information)
     found: dict[str, Any] = to_json(write_plan(answer, programme, predictions, context, basis))
     return found
+
+
+def with_kept_loop(bench: Bench, safety: Safety) -> Bench:
+    """Return a bench whose position loop keeps the limits in half of its motions: its own, else the gentler one that
+    does so in most: a small actuator on a large valve exceeds its speed at usual gains.
+    """
+    if bench.drive != "position":
+        return bench
+    count = int(np.log2(LOOP_RANGE_UNKNOWN / bench.loop_range)) + 1
+    loops = [replace(bench, loop_range=bench.loop_range * 2.0**k) for k in range(count)]
+
+    def kept(one: Bench) -> float:
+        return float(np.mean([*map(replace(safety, refused=[]), candidate_manoeuvres(one, safety.limits))]))
+
+    return bench if kept(bench) >= MIN_KEPT else max(loops, key=kept)
 
 
 def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> list[Manoeuvre]:
@@ -308,9 +325,9 @@ def plan_answer(
     """Return the answer without its files."""
     recordings = [
         replace(row, times_noise={name: one.rms for name, one in predicted.differences.items()})
-        for row, predicted in zip(planned_recordings(programme), predictions, strict=True)
+        for row, predicted in zip(planned_recordings(programme, basis.expectation.model), predictions, strict=True)
     ]
-    refused = list({r.text + r.quantity: r for r in map(_refused, basis.safety.refused)}.values())
+    refused = _refusals(basis)
     first = bool(context.options.get("first"))
     best = RivalAnswer(BEST_MODEL, None, True, None, None)
     rivals = [RivalAnswer(r.name, r.effect, r.present, r.probability, r.in_place_of) for r in basis.rivals]
@@ -348,18 +365,28 @@ def _limits(limits: Limits) -> dict[str, Any]:
     return {name: value if value is not None and np.isfinite(value).all() else None for name, value in values.items()}
 
 
-def _refused(one: Refused) -> RefusedManoeuvre:
-    """Return a refused manoeuvre with the first limit that it exceeds."""
-    first, manoeuvre = one.violations[0], planned_recording(one.manoeuvre)
-    return RefusedManoeuvre(
-        manoeuvre.manoeuvre, manoeuvre.bench, one.model, first.quantity, first.value, first.limit, first.unit
+def _refusals(basis: Basis) -> list[RefusedManoeuvre]:
+    """Return the refused manoeuvres, each with the first limit that it exceeds."""
+
+    def refused(one: Refused) -> RefusedManoeuvre:
+        first, row = one.violations[0], planned_recording(one.manoeuvre, basis.expectation.model)
+        return RefusedManoeuvre(
+            row.manoeuvre, row.bench, one.model, first.quantity, first.value, first.limit, first.unit
+        )
+
+    return list({r.text + r.quantity: r for r in map(refused, basis.safety.refused)}.values())
+
+
+def limits_too_narrow(where: str, refused: Sequence[RefusedManoeuvre]) -> InputError:
+    """Return the refusal of a plan for which no manoeuvre is left, with the one that comes nearest to its limit."""
+    nearest = min(refused, key=lambda one: abs(one.value - one.limit) / max(abs(one.limit), 1e-9))
+    return InputError(
+        where,
+        f"none of {len(refused)} manoeuvres keeps the limits of the rig; the nearest is {nearest.reason}",
+        "limits that one of them keeps",
+        "state end_margin, max_speed, max_pressure, max_force or max_air in [plan]",
+        code="E071",
     )
-
-
-def limits_too_narrow(where: str) -> InputError:
-    """Return the refusal of a plan for which no manoeuvre is left."""
-    mend = "state end_margin, max_speed, max_pressure or max_force in [plan]; pneucli plan -v shows what was refused"
-    return InputError(where, "no manoeuvre keeps the limits of the rig", "wider limits", mend, code="E071")
 
 
 def diagnosed_pipeline(context: Context) -> Basis:

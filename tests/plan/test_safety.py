@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.plan.bench import described_benches
+from pneucli.physics.effects import catalogue
+from pneucli.plan.bench import LOOP_RANGE, described_benches
 from pneucli.plan.first import extreme_models, typical_model
 from pneucli.plan.limits import (
     SHIFTED_BEST,
@@ -20,18 +21,21 @@ from pneucli.plan.limits import (
     limits_of,
     models_to_check,
     shifted_models,
+    violations,
     with_monotone_valves,
 )
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.simulation import simulate_manoeuvre
+from pneucli.plan.simulation import simulate_manoeuvre, start_of
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.stages.plan import with_kept_loop
 
 RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, dead_volume_1=3e-5, dead_volume_2=3e-5, moving_mass=2.0)
 BENCHES = described_benches(RIG)
 MODEL = typical_model(RIG, BENCHES)
 LIMITS = limits_of(RIG, BENCHES)
+SPRING = {"spring-force.stiffness": 2000.0, "spring-force.rest_position": -0.05}
 HOLD = next(m for m in candidate_manoeuvres(BENCHES[-1], LIMITS) if m.kind == "hold")
 
 
@@ -54,6 +58,34 @@ def test_a_rival_that_exceeds_a_limit_refuses_what_the_best_model_allows() -> No
 def test_a_simulation_has_to_leave_a_reserve() -> None:
     assert Safety(RIG, replace(LIMITS, max_speed=1.2 * top_speed()), {"best": MODEL})(HOLD)
     assert not Safety(RIG, replace(LIMITS, max_speed=1.05 * top_speed()), {"best": MODEL})(HOLD)
+
+
+def test_a_spring_return_starts_in_balance_and_may_stand_on_its_end() -> None:
+    spring = Model(RIG, (catalogue()["spring-force"],), {**MODEL.values, **SPRING}, valve=MODEL.valve)
+    bench = replace(BENCHES[-1], template=replace(BENCHES[-1].template, chamber_2="open"))
+    for x in (0.1, 0.0):
+        hold = replace(HOLD, bench=replace(bench, start=replace(bench.start, x=x)))
+        start = start_of(hold, spring)
+        assert start.p1 - RIG.ambient_pressure == pytest.approx(2000.0 * (x + 0.05) / RIG.piston_area_1)
+        motion = simulate_manoeuvre(hold, spring)
+        assert np.abs(motion.v[:100]).max() < 1e-3
+        assert (x == 0.0) == bool(motion.x[0] < LIMITS.position[0])
+        assert not [one for one in violations(motion, LIMITS, RIG) if one.quantity == "x" and one.value < 0.05]
+
+
+def test_a_load_that_pushes_outward_is_balanced_by_chamber_2() -> None:
+    start = BENCHES[-1].balanced_start(0.1, -100.0)
+    assert start.p1 * RIG.piston_areas[0] - start.p2 * RIG.piston_areas[1] == pytest.approx(
+        RIG.ambient_pressure * (RIG.piston_areas[0] - RIG.piston_areas[1]) - 100.0
+    )
+
+
+def test_a_loop_that_is_too_fast_for_the_rig_gets_a_smaller_gain() -> None:
+    bench = replace(next(b for b in BENCHES if b.drive == "position"), loop_range=LOOP_RANGE)
+    wide, narrow = Safety(RIG, LIMITS, {"best": MODEL}), Safety(RIG, replace(LIMITS, max_speed=0.05), {"best": MODEL})
+    assert with_kept_loop(bench, wide) is bench
+    assert with_kept_loop(bench, narrow).loop_range > LOOP_RANGE
+    assert not narrow.refused
 
 
 def fit(mass: float, error: float) -> Any:
