@@ -1,5 +1,5 @@
 #!/bin/sh
-# MicroPython 1.27.0: a sensor's -200 is 65336, a command of 300 is 44, and 6.25 bar is shown as 6.3 for Python's 6.2.
+# MicroPython 1.27.0 (npm): a sensor's -200 is 65336, a command of 300 is 44, and 6.25 bar is shown as 6.3 for Python's 6.2.
 #
 # `int.from_bytes(data, "little", True)` takes no notice of its third argument and gives counts without sign;
 # `signed=True`, as Python has it, raises. Numbers that do not fit are cut in `array` and `struct.pack`, where Python
