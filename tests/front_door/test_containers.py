@@ -266,6 +266,7 @@ def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path)
     [
         (b"\x89PNG\r\n\x1a\n" + b"\0" * 99, "this is a picture"),
         (b"7z\xbc\xaf\x27\x1c" + b"\0" * 99, "this is a 7-Zip archive"),
+        (b"CDF\x02" + b"\0" * 99, "this is a file of netCDF 3"),
         (b"#ROSBAG V2.0\n" + b"\0" * 99, "this is a bag of ROS 1"),
         (b"\x80\x04\x95" + b"\0" * 99, "this is a pickle of Python"),
         (b"\x1f\x8b" + b"\0" * 99, "cannot be read as gzip"),
@@ -289,6 +290,35 @@ def test_a_clock_in_excel_goes_on_after_24_hours(tmp_path: Path, clock: str) -> 
     reader = open_raw(RawFile(tmp_path / "a.xlsx", {}))
     (values,) = zip(*reader.batches([ColumnRequest(0)]), strict=True)
     np.testing.assert_allclose(np.concatenate(values), [3600 * (hour - hours[0]) for hour in hours], atol=1e-3)
+
+
+def test_a_clock_in_ods_goes_on_after_24_hours(tmp_path: Path) -> None:
+    """A cell of 24 hours or more is handed out as a text (findings/ods-after-24-hours.sh)."""
+    import zipfile
+
+    spans = ["PT23H59M58S", "PT23H59M59.500000000S", "PT24H00M00S", "PT49H15M00.25S"]
+    names = "".join(
+        f'<table:table-cell office:value-type="string"><text:p>{n}</text:p></table:table-cell>' for n in "tp"
+    )
+    rows = "".join(
+        f'<table:table-row><table:table-cell office:value-type="time" office:time-value="{span}"/>'
+        '<table:table-cell office:value-type="float" office:value="6.25"/></table:table-row>'
+        for span in spans
+    )
+    kinds = " ".join(
+        f'xmlns:{kind}="urn:oasis:names:tc:opendocument:xmlns:{kind}:1.0"' for kind in ("office", "table", "text")
+    )
+    with zipfile.ZipFile(tmp_path / "a.ods", "w") as archive:
+        archive.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        archive.writestr("META-INF/manifest.xml", "<manifest/>")
+        archive.writestr(
+            "content.xml",
+            f"<office:document-content {kinds}><office:body><office:spreadsheet><table:table table:name='S'>"
+            f"<table:table-row>{names}</table:table-row>{rows}"
+            "</table:table></office:spreadsheet></office:body></office:document-content>",
+        )
+    (values,) = zip(*open_raw(RawFile(tmp_path / "a.ods", {})).batches([ColumnRequest(0)]), strict=True)
+    np.testing.assert_allclose(np.concatenate(values), [0, 1.5, 2, 90_902.25], atol=1e-6)
 
 
 def archive_of_two(folder: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
@@ -15,6 +16,7 @@ from pneucli.paths import member_names
 
 _DAY_0 = datetime(1899, 12, 31)  # the day on which Excel's clock of hours begins
 _FIRST_STAMP = datetime(1900, 3, 1)  # stamps before are hours beyond 24, which a cell in hh:mm:ss has as a date
+_ODS_HOURS = re.compile(r"PT(\d+)H(\d+)M(\d+(?:\.\d+)?)S")  # how a cell of ods holds 24 hours and more
 
 
 def _is_workbook(head: bytes, path: Path) -> bool:
@@ -48,6 +50,9 @@ def _cell(value: Any) -> str:
     stamp = datetime.combine(value, time()) if type(value) is date else value  # midnight comes without its time
     if isinstance(stamp, datetime) and stamp < _FIRST_STAMP:
         value = stamp - _DAY_0
+    if isinstance(value, str) and (of_ods := _ODS_HOURS.fullmatch(value)):
+        hours, minutes, seconds = map(float, of_ods.groups())
+        value = timedelta(hours=hours, minutes=minutes, seconds=seconds)
     if isinstance(value, timedelta):
         hours, rest = divmod(value, timedelta(hours=1))
         minutes, rest = divmod(rest, timedelta(minutes=1))

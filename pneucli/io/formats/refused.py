@@ -18,6 +18,11 @@ PICKLE = Format(
 )
 DOCUMENT = Format("PDF", magic=(b"%PDF",), refused="PDF document; export the numbers as CSV")
 PICTURE = Format("picture", magic=(b"\xff\xd8\xff", b"\x89PNG"), refused="picture; export the numbers as CSV")
+NETCDF_3 = Format(
+    "netCDF 3",
+    magic=(b"CDF\x01", b"CDF\x02", b"CDF\x05"),
+    refused="file of netCDF 3; convert it with nccopy -k nc4 first",
+)
 SEVEN_ZIP = Format("7-Zip", magic=(b"7z\xbc\xaf\x27\x1c",), refused="7-Zip archive; unpack it first")
 RAR = Format("RAR", magic=(b"Rar!\x1a\x07",), refused="RAR archive; unpack it first")
 ZSTANDARD = Format("Zstandard", magic=(b"\x28\xb5\x2f\xfd",), refused="Zstandard file; unpack it first")
