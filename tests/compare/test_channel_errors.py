@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.compare import Comparison, find_error_regions, overall_error
-from pneucli.compare.channel_errors import ChannelResult, compare
+from pneucli.compare.channel_errors import DEFAULT_SHARE, ChannelResult, assess_purpose, compare
+from pneucli.compare.expected_error import ErrorDistribution, ExpectedError, combined_distribution
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
@@ -117,3 +118,114 @@ def test_one_error_over_several_signals_is_one_event() -> None:
         r.event for r in both if r.recording == "another"
     )
     assert both[0].event == 0
+
+
+# --- good enough for whom: errors against tolerances, stated or a share of the measured range
+
+
+def result(channel: str, rmsd: float, span: float, use: str = "test", recording: str = "run") -> ChannelResult:
+    return ChannelResult(recording, use, channel, "m", rmsd, 1.0, 1.0, 99.0, 1e-6, rmsd / 1e-6, span)
+
+
+def test_a_stated_tolerance_decides() -> None:
+    results = [result("x", 2e-4, 0.1), result("v", 0.01, 1.0)]
+    tight, loose = (assess_purpose(results, {"x": x, "v": 0.02}) for x in (1e-4, 3e-4))
+    assert tight is not None
+    assert loose is not None
+    assert (tight.adequate, tight.worst.channel, tight.worst.value, tight.worst.tolerance) == (False, "x", 2e-4, 1e-4)
+    assert (loose.adequate, loose.worst.channel) == (True, "x")
+
+
+def test_without_a_tolerance_a_share_of_the_largest_range_is_taken() -> None:
+    results = [result("x", 2e-3, 0.01, recording="short"), result("x", 2e-3, 0.1, recording="long")]
+    found = assess_purpose(results, {})
+    assert found is not None
+    assert found.adequate
+    assert found.worst.tolerance == pytest.approx(DEFAULT_SHARE * 0.1)
+
+
+def test_test_recordings_decide_where_there_are_any() -> None:
+    fitted, held_out = result("x", 1e-6, 0.1, use="train"), result("x", 0.09, 0.1)
+    alone, both = assess_purpose([fitted], {}), assess_purpose([fitted, held_out], {})
+    assert alone is not None
+    assert both is not None
+    assert alone.adequate
+    assert not both.adequate
+
+
+def test_a_channel_that_never_moves_and_has_no_tolerance_does_not_decide() -> None:
+    assert assess_purpose([result("x", 1e-6, 0.0)], {}) is None
+    assert assess_purpose([result("x", np.nan, 0.1)], {}) is None
+    assert assess_purpose([], {}) is None
+
+
+# --- the distribution of the error of a correct model
+
+
+SEGMENTS, DRAWS = 30, 6
+
+
+def expected(rng: np.random.Generator, recordings: int, channels: int = 1) -> list[ExpectedError]:
+    """Recordings whose segments have the square of one normal number, common to all channels of a recording."""
+    names = [f"p{i}" for i in range(channels)]
+    squares = [rng.standard_normal((DRAWS, SEGMENTS)) ** 2 for _ in range(recordings)]
+    population = np.concatenate([one.ravel() for one in squares])
+    return [
+        ExpectedError(dict.fromkeys(names, 1.0), dict.fromkeys(names, one), dict.fromkeys(names, population))
+        for one in squares
+    ]
+
+
+def distribution(rows: list[ExpectedError]) -> ErrorDistribution:
+    found = combined_distribution([(one.distribution(list(one.rms)), len(one.rms)) for one in rows])
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("tail", [0.05, 0.01])
+def test_so_many_correct_models_stay_below_their_limit(channels: int, tail: float) -> None:
+    rng = np.random.default_rng(5)
+    below = []
+    for _ in range(1000):
+        one = distribution(expected(rng, 2, channels))
+        error = float(np.sqrt(np.mean(rng.standard_normal(2 * SEGMENTS) ** 2)))
+        assert (error < one.limit(tail)) == (one.p_value(error) > tail)
+        below.append(error < one.limit(tail))
+    assert np.mean(below) == pytest.approx(1.0 - tail, abs=0.02)
+
+
+def test_few_segments_leave_a_wider_limit_than_many() -> None:
+    rng = np.random.default_rng(6)
+    few, many = (distribution(expected(rng, n)) for n in (1, 20))
+    assert few.limit() > 1.25 > many.limit() > 1.0
+
+
+def test_the_scatter_of_a_recording_without_a_break_away_is_that_of_all_of_its_kind() -> None:
+    """A calm recording draws nothing of what happens to it in one segment of a hundred."""
+    calm, other = np.full((DRAWS, SEGMENTS), 0.5), np.full((DRAWS, SEGMENTS), 0.5)
+    other[0, 0] = 100.0
+    population = np.concatenate([calm.ravel(), other.ravel()])
+    one = ExpectedError({"x": 1.0}, {"x": calm}, {"x": population})
+    assert one.distribution(["x"]).limit() > 1.2
+    assert one._replace(population={"x": calm.ravel()}).distribution(["x"]).limit() == pytest.approx(0.5**0.5)
+
+
+def test_uncertain_parameters_add_one_squared_normal_number() -> None:
+    rng = np.random.default_rng(7)
+    one = ErrorDistribution(1.0, 0.02).with_uncertain_parameters(3.0)
+    noise = 0.01 * rng.chisquare(100.0, 20_000)
+    errors = np.sqrt(noise + 3.0 * rng.standard_normal(20_000) ** 2)
+    assert np.mean(errors > one.limit(0.05)) == pytest.approx(0.05, abs=0.015)
+
+
+def test_without_a_channel_there_is_no_distribution() -> None:
+    assert combined_distribution([]) is None
+
+
+def test_an_error_within_the_limit_of_a_correct_model_has_no_region() -> None:
+    error = np.random.default_rng(7).standard_normal(2000)
+    error[900:1000] *= 8.0
+    found = comparison(error)
+    assert find_error_regions([found])
+    assert not find_error_regions([with_limit(found, 1.01 * found.results[0].ratio_to_noise)])
