@@ -1,7 +1,5 @@
 """What a kind of experiment means is asked of its one entry."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import pytest

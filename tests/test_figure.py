@@ -1,7 +1,5 @@
 """Answers are written to JSON and read from it by one routine, whatever their fields are."""
 
-from __future__ import annotations
-
 import importlib
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Paths are shown from where the user stands."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

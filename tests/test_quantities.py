@@ -1,7 +1,5 @@
 """What is told of a rotary axis carries its units and names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

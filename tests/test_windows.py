@@ -1,7 +1,5 @@
 """What can be told on Linux of how the program runs on Windows."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

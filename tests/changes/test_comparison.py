@@ -1,7 +1,5 @@
 """What changed: chances where nothing did, all else being as it was, and blocks that vouch for themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

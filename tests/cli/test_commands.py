@@ -1,7 +1,5 @@
 """What the commands print where, and their exit codes."""
 
-from __future__ import annotations
-
 import errno
 import json
 import re

@@ -1,7 +1,5 @@
 """``diff`` on the command line, with toy stages."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

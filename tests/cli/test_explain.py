@@ -1,7 +1,5 @@
 """Codes of errors: every fault that the program raises has one, and every code an example that really arises."""
 
-from __future__ import annotations
-
 import ast
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The gate: what was asked of the loop, on the model and on axes like it, and why the plant cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Margins: textbook loops, the linearised loop against the simulated one, and what small signals do not tell."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

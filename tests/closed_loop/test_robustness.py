@@ -1,7 +1,5 @@
 """Monte Carlo: reproducible, resumable, the same on threads and on a cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace

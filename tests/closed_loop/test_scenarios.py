@@ -1,7 +1,5 @@
 """Scenarios: what the reference, the load, the supply and the sensors do over time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

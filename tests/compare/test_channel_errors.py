@@ -1,7 +1,5 @@
 """Figures of merit by their definitions (interface, section 3), and the regions of errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

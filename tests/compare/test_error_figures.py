@@ -1,7 +1,5 @@
 """Figures of a channel where something is missing, and the noise of a correct model over several recordings."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

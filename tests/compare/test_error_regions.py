@@ -1,7 +1,5 @@
 """Regions of errors: the run of bins with the largest excess of error, over each recorded signal."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

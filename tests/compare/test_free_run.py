@@ -1,7 +1,5 @@
 """The free run over a whole recording: a slow error that no restart lets grow."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The one judgement of a model's printed error."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace

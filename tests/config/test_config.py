@@ -1,7 +1,5 @@
 """The pipeline file: every key, every fault with line and mend, and edits that keep comments."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every key of the pipeline file is said, with an example that the program itself reads."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One sample of the controller, function by function, in round numbers: the text that is compiled and exported."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

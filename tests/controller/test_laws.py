@@ -1,7 +1,5 @@
 """The laws of the bench: each does what its equations say, in numbers that can be checked by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

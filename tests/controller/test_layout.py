@@ -1,7 +1,5 @@
 """The units of the controller's parameters: in other units of mass, length, time and voltage it does the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pint
 import pytest

@@ -1,7 +1,5 @@
 """What a machine does with a controller beside stepping it: enable, hold, a start without a bump, a measured supply."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

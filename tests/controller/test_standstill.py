@@ -1,7 +1,5 @@
 """A piston whose seals are elastic: how it is told from one that sticks rigidly, and what is then done near rest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

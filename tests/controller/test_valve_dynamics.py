@@ -1,7 +1,5 @@
 """What a model has learned reaches the controller: play, lag, delay, leaks, sensors, friction, by the ports."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Regular form, matching condition and sliding surfaces, held to their definitions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An exam: what it writes, what it keeps sealed, and how answers are graded."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 

@@ -1,7 +1,5 @@
 """Conditions of an exam: how they are named, what they change, and that each case tells which held."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rig of a case as it is drawn: three fifths of every range, or another share where it decides."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

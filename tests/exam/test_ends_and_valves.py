@@ -1,7 +1,5 @@
 """The rig's ends and valves: contact pushes only, gas and energy are kept, every arrangement moves the piston."""
 
-from __future__ import annotations
-
 import tomllib
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Grading by condition: what counts as right, and why the rest failed."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Every effect that an exam may hide changes what is recorded, in proportion to its size, and vanishes at size zero."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

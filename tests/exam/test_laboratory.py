@@ -1,7 +1,5 @@
 """What a laboratory hands over: takes, files, and a pipeline file that says what a lab would know."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

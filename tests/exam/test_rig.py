@@ -1,7 +1,5 @@
 """The virtual rig against textbook results, and against the shared cases of another rig of the same kind."""
 
-from __future__ import annotations
-
 import json
 import os
 import tomllib

@@ -1,7 +1,5 @@
 """The exported C is the simulated controller, and behaves as C should."""
 
-from __future__ import annotations
-
 import math
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The exported C commissions itself on the exam's rig while something is wrong: it names it and changes nothing."""
 
-from __future__ import annotations
-
 import shutil
 from functools import cache
 from pathlib import Path

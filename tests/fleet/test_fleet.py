@@ -1,7 +1,5 @@
 """A small fleet from the exam's rig, as `pneucli fleet` does it: what changed, what failed, and what is done again."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

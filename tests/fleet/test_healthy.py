@@ -1,7 +1,5 @@
 """Dates that are stated to be healthy: what they say of a rig's repeatability is known before any other is done."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page of a large fleet: small enough to send, ranked, and safe against what names may hold."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The table of a fleet and the pipeline of each row: keys, paths, and rows that are wrong by themselves."""
 
-from __future__ import annotations
-
 import http.server
 import threading
 import tomllib

@@ -1,7 +1,5 @@
 """The mutants themselves: seeded, meaningful, tried against the right tests, and never left behind."""
 
-from __future__ import annotations
-
 import ast
 import random
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Noise is found beneath the content of signals shaped like recordings of a servo-pneumatic axis."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

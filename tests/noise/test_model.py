@@ -1,7 +1,5 @@
 """The noise model: its level, its draws, and the pool of several estimates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

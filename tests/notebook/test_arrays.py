@@ -1,7 +1,5 @@
 """Recordings that are arrays are diagnosed as the same recordings in files are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a run say what was measured and what each model makes of it, in units that people read."""
 
-from __future__ import annotations
-
 import json
 import os
 import select

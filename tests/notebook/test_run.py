@@ -1,7 +1,5 @@
 """What a notebook sees of a run: the artifacts, as they are, with units; the valve; the model to be asked."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The model under a command of one's own: as the stage simulates it, from where one says, with one's own numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

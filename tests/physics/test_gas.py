@@ -1,7 +1,5 @@
 """The flow function's approximation against the exact isentropic one, and the orifice."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Plugins: helpers and constants of the file work, and each error names the file."""
 
-from __future__ import annotations
-
 import runpy
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """One declaration for both chambers: where its variants enter, and what they say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Killed anywhere, nothing is lost or half-written; two runs in one folder do not harm each other."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,7 +1,5 @@
 """Limits of a rig: defaults, stated ones, and what exceeds them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

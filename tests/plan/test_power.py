@@ -1,7 +1,5 @@
 """Power: what else may explain an effect is projected out, recordings add, and what was known before is no merit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

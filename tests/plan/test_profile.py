@@ -1,7 +1,5 @@
 """Commands as segments: values at their ends, the rise of a sine, sampling across segments."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The draw: varied within the machine time, safe manoeuvres only, the same for the same seed, some held out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace

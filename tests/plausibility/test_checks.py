@@ -1,7 +1,5 @@
 """One check at a time, on a recording that is implausible in nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The first screen: the fall of the error, what is missing, what the controller holds, and the failing stretch."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """The page holds what the artifacts hold, in one file, and says the worst first."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html

@@ -1,7 +1,5 @@
 """Default checks of the closed loop: limits from the requirements, skipped without one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

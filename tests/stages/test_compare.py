@@ -1,7 +1,5 @@
 """The stage ``compare`` on the example: the interface's answer and table, and the error near the noise floor."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The stage ``diagnose`` on recordings whose hidden physics is known."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The stage ``identify`` on the example: artifacts of the interface, and the rig's true parameters found."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is misspelt in the pipeline file is found when it is loaded, and not after minutes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

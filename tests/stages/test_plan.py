@@ -1,7 +1,5 @@
 """The plan after a diagnosis of a friction bench: rivals, their power, and a weight where motion shows nothing."""
 
-from __future__ import annotations
-
 import csv
 import json
 import tomllib

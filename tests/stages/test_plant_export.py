@@ -1,7 +1,5 @@
 """The demo's plant from its recordings to the FMU, and the budgets of its valve."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The stage ``report``: artifacts on disk in, three files out."""
 
-from __future__ import annotations
-
 import ast
 import html
 import re

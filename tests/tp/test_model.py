@@ -1,7 +1,5 @@
 """The model anywhere on its domain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

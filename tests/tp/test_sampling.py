@@ -1,7 +1,5 @@
 """Samples from functions and from scattered measurements."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Every type of weights has its properties and is as good as the reference."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from typing import get_args

@@ -1,7 +1,5 @@
 """Nobody but the page with the token is answered, and nothing beside the pipeline is reached."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress

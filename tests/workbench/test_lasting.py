@@ -1,7 +1,5 @@
 """The workbench lasts: a kill in the middle loses nothing, and a page may stay open for hours."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal

@@ -1,7 +1,5 @@
 """Five toy stages: raw -> model -> judge, plan (only with a [plan] table), and page over all of them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from pathlib import Path
