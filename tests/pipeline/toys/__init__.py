@@ -17,8 +17,7 @@ _ALL = (
     Stage("model", "", parents=("raw",), tables=("model",), package=__name__),
     Stage("judge", "", parents=("model",), tables=("judge",), package=__name__),
     Stage("plan", "", parents=("model",), tables=("plan",), package=__name__),
-    Stage("page", "", parents=("judge",), optional=("plan", "unwritten"), tables=("checks",), package=__name__),
-    Stage("unwritten", "", parents=("model",), package=__name__),
+    Stage("page", "", parents=("judge",), optional=("plan",), tables=("checks",), package=__name__),
 )
 STAGES = {stage.name: stage for stage in _ALL}
 
