@@ -11,8 +11,6 @@ from tests.mutants.run import BUDGET, ROOT, Contexts, mutated
 
 SOURCE = '''"""Words."""
 
-from __future__ import annotations
-
 LIMIT = 3.0
 Array = list[float]
 __all__ = ["half"]
