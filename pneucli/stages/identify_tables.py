@@ -256,17 +256,16 @@ def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Esti
     for name, (columns, units) in kinds.items():
         parts = [columns(valve) for valve in valves]
         if both:
-            parts = [_with_chamber(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
+            chambers = [
+                {"chamber": np.full(len(part["u"]), valve.chamber)} for part, valve in zip(parts, valves, strict=True)
+            ]
+            parts = [chamber | part for chamber, part in zip(chambers, parts, strict=True)]
         table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
         tables.write(
             name,
             {key: values if values.dtype.kind in "bif" else list(values) for key, values in table.items()},
             {key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
         )
-
-
-def _with_chamber(columns: Columns, chamber: int) -> Columns:
-    return {"chamber": np.full(len(columns["u"]), chamber), **columns}
 
 
 def area_unit(estimates: Sequence[Estimate]) -> str:
