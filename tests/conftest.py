@@ -3,8 +3,6 @@
 Of the processes of a run, one compiles a function; another that needs it waits and loads what the first one wrote.
 """
 
-from __future__ import annotations
-
 import gc
 import getpass
 import hashlib

@@ -1,7 +1,5 @@
 """Stored answers: a text in a file that a person reads, against which a test holds what the program gives now."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

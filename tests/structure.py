@@ -5,8 +5,6 @@ line of code holds something other than a docstring, a comment or nothing. A wal
 passes through, and the pairs of modules of which one calls the other.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import math

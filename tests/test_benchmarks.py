@@ -1,7 +1,5 @@
 """Every benchmark runs to its end in its small mode; what it then prints is no measurement."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

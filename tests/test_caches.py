@@ -1,7 +1,5 @@
 """Compiled functions are kept where there is a place for them, and made anew where what is kept is damaged."""
 
-from __future__ import annotations
-
 import importlib.util
 import logging
 import subprocess

@@ -1,7 +1,5 @@
 """The pages that a reader meets: made pages do not drift, links lead somewhere, what is typed exists."""
 
-from __future__ import annotations
-
 import csv
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The examples in docstrings give what they print, and every public function of physics and tp has one."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import importlib

@@ -1,7 +1,5 @@
 """Engines: what is no cluster is refused, few jobs are under way at once, and a worker's death loses nothing."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

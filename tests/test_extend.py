@@ -1,7 +1,5 @@
 """The examples of ``docs/development/extend.md``: each is one file, in a copy of the program or in a package."""
 
-from __future__ import annotations
-
 import json
 import os
 import pkgutil

@@ -1,7 +1,5 @@
 """The fixtures are what fixtures/make.py writes, and the virtual rig still gives them."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import json

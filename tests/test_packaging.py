@@ -1,7 +1,5 @@
 """What a user installs: wheel and sdist, built from the checkout and tried in fresh environments."""
 
-from __future__ import annotations
-
 import email
 import os
 import re

@@ -1,7 +1,5 @@
 """The layout that the repository promises: small typed modules, documented, free of any one machine."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shutil

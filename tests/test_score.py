@@ -1,7 +1,5 @@
 """The score sees what became worse, better, or contradicts itself, and the fixtures are answered as stored."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys

@@ -1,7 +1,5 @@
 """What other repositories take from this one: the GitHub Action, the hook for pre-commit, the example workflow."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -31,7 +31,7 @@ class Command:
         example: The last line of ``--help``.
         help: What it does, in one line; default: the title of its stage.
         place: Where it stands in the list of all commands; those of other packages come last.
-        stage: The stage that it runs; it is left out where that is not installed.
+        stage: The stage that it runs.
     """
 
     run: Callable[..., None]

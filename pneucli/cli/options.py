@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pneucli.imports import hidden_modules
-from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Pipeline
@@ -47,11 +46,6 @@ def keep_pandas_out() -> None:
 
     with hidden_modules("pandas"):
         pa.array([0.0])
-
-
-def built_stages(*names: str) -> list[str]:
-    """Return those of the stages that this installation has."""
-    return [name for name in names if STAGES[name].built]
 
 
 def law_names(names: list[str], where: str) -> list[str]:

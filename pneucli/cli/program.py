@@ -14,7 +14,6 @@ from pneucli import extensions
 from pneucli.cli import commands, console
 from pneucli.cli.command import Command, with_common_options
 from pneucli.errors import InputError
-from pneucli.pipeline.graph import STAGES
 from pneucli.version import __version__
 
 HELP = """From recordings of a servo-pneumatic axis to valve maps, friction models, the missing physical effect, and a
@@ -47,12 +46,12 @@ def build(command: str = "") -> typer.Typer:
 
 
 def _own_command(name: str) -> Command | None:
-    """Return a command of this program, whose file has its name; None where there is none, or its stage is missing."""
+    """Return a command of this program, whose file has its name; None where there is none."""
     module = f"{commands.__name__}.{name}"
     if not name.isidentifier() or importlib.util.find_spec(module) is None:
         return None
     found: Command = importlib.import_module(module).COMMAND
-    return found if not found.stage or STAGES[found.stage].built else None
+    return found
 
 
 def _all_commands() -> dict[str, Command]:

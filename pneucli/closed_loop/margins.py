@@ -35,7 +35,6 @@ SINGULAR_VALUE_TOLERANCE = (
     1e-4  # singular values below that share of the largest are the way that the piston makes meanwhile
 )
 
-READINGS = [at.X, at.R1, at.R2]
 RESTARTED_STATES = [at.X, at.V, at.R1, at.R2]  # that begin anew where they are read so
 OBSERVED_OUTPUTS = [at.X, at.R1, at.R2, at.V, at.P1, at.P2]  # with these seen, few samples show all that the axis is
 LOGGED_READINGS = [layout.L_READ_X, layout.L_READ_P1, layout.L_READ_P2]

@@ -70,9 +70,8 @@ def page_data(answer: Answer, results: Sequence[RowResult], trends: Sequence[Tre
     trends_by_rig: dict[str, list[Trend]] = {}
     for trend in trends:
         trends_by_rig.setdefault(trend.rig, []).append(trend)
-    ranked = sorted(
-        by_rig, key=lambda rig: (-_log_evidence(by_rig[rig]), not _has_change_point(trends_by_rig.get(rig, [])), rig)
-    )
+    broken = {t.rig for t in trends if t.change_points}
+    ranked = sorted(by_rig, key=lambda rig: (-_log_evidence(by_rig[rig]), rig not in broken, rig))
     rows = [_rig(rig, by_rig[rig], texts, trends_by_rig.get(rig, [])) for rig in ranked]
     panels = _trend_panels(ranked, trends_by_rig, texts)  # before the list of texts, to which it adds
     return {"rigs": rows, "words": list(texts), "trends": panels, "failures": to_json(answer.failures),
@@ -91,10 +90,6 @@ def _log_evidence(results: Sequence[RowResult]) -> float:
     """Return -log10 of a rig's smallest p-value, 0 where nothing changed."""
     p_values = [max(r.p_value or 0.0, 1e-99) for r in results if r.changes]
     return -math.log10(min(p_values)) if p_values else 0.0
-
-
-def _has_change_point(trends: Sequence[Trend]) -> bool:
-    return any(t.change_points for t in trends)
 
 
 def _rig(rig: str, results: Sequence[RowResult], texts: dict[str, int], trends: Sequence[Trend]) -> list[Any]:

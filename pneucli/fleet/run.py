@@ -294,13 +294,10 @@ def _write_results(fleet: Fleet, seconds: float) -> dict[str, Any]:
     from pneucli.fleet.output import write_outputs  # noqa: PLC0415 - jinja takes a moment
 
     results, trends = fleet.results_in_table_order(), fleet.trends()
-    made_of = Provenance({"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}, _settings(fleet))
+    inputs = {"table": sha256_of(fleet.table), "template": sha256_of(fleet.template)}
+    made_of = Provenance(inputs, {"fleet": fleet.config.fleet.model_dump()})
     found = fleet_answer(fleet.config.fleet, results, trends, fleet.updated_count, str(fleet.store), seconds)
     with fleet.output_folder() as out:
         write_datasets(out, results, made_of)
         write_trends(out / TRENDS, trends, made_of)
         return write_outputs(out, fleet.config, found, results, trends)
-
-
-def _settings(fleet: Fleet) -> dict[str, Any]:
-    return {"fleet": fleet.config.fleet.model_dump()}

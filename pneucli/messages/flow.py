@@ -17,10 +17,6 @@ from pneucli.messages.formatting import (
 FLOW_COLUMNS = ("command", "rows", "C (ISO 6358)", "b", "m", "cracking pressure", "× noise")
 LAYOUT = "value unit ci95 determined"  # of a characteristic; typical values of valves hold what is not determined
 LITRES_PER_BAR = 1e8  # l/(s bar) in m^3/(s Pa)
-STEADY_BENCH_LIMITS = (
-    "a steady bench shows the flow function and leaks at a closed valve; effects of time (lag, delay, hysteresis, heat "
-    "transfer) and of a cylinder cannot show"
-)
 
 
 def format_conductance(one: Figure) -> str:

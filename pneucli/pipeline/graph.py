@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ class Stage:
         name: The name of the stage and of its module.
         title: One line for ``--help``.
         parents: The stages that must be up to date first.
-        optional: Further ones, as far as they are installed and apply to the rig.
+        optional: Further ones, as far as they apply to the rig.
         tables: The tables of the pipeline file that the stage reads itself, in addition to those of its parents.
         files: The (table, key) that names input files or globs.
         answer_paths: Beginnings of the paths of ``[checks]``: keys of the answer, dotted as far as they are constant.
@@ -49,14 +48,6 @@ class Stage:
             return self
         return replace(self, optional=())
 
-    @property
-    def built(self) -> bool:
-        """Whether the module is installed; it is not imported, because it may be heavy."""
-        try:
-            return importlib.util.find_spec(self.module) is not None
-        except ModuleNotFoundError:
-            return False
-
 
 def _stage(name: str, row: Mapping[str, Any]) -> Stage:
     """Return the stage of a row of ``stages.toml``."""
@@ -77,11 +68,6 @@ FIRST_PLAN_STAGES: dict[str, Stage] = {
 }
 
 
-def parents_of(stage: Stage, stages: Mapping[str, Stage]) -> tuple[str, ...]:
-    """Return the names of the stages that ``stage`` reads: its parents, and the installed optional ones."""
-    return stage.parents + tuple(name for name in stage.optional if stages[name].built)
-
-
 def upstream(targets: Iterable[str], stages: Mapping[str, Stage] = STAGES) -> list[str]:
     """Return ``targets`` and all stages that they need, parents before children."""
     needed: dict[str, tuple[str, ...]] = {}
@@ -89,7 +75,7 @@ def upstream(targets: Iterable[str], stages: Mapping[str, Stage] = STAGES) -> li
     while waiting:
         name = waiting.pop()
         if name not in needed:
-            needed[name] = parents_of(stages[name], stages)
+            needed[name] = (*stages[name].parents, *stages[name].optional)
             waiting.extend(needed[name])
     position = {name: i for i, name in enumerate(stages)}
     sorter = TopologicalSorter({name: needed[name] for name in sorted(needed, key=position.__getitem__)})

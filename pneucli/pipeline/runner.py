@@ -20,7 +20,7 @@ from pneucli.messages.progress import starting
 from pneucli.pipeline import folders, workload
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.context import NO_PROGRESS, Context, NotApplicable, Progress, Workload
-from pneucli.pipeline.graph import STAGES, Stage, parents_of, upstream
+from pneucli.pipeline.graph import STAGES, Stage, upstream
 from pneucli.pipeline.manifest import Inputs, Manifest, Stamp
 from pneucli.quantities import axis_motion, in_axis_units
 
@@ -126,7 +126,7 @@ class Pipeline:
             program=self.program,
             tables={table: staleness.digest(self.tables[table]) for table in stage.tables if table in self.tables},
             files={label: staleness.stamp(path, previous.get(label)) for label, path in files.items()},
-            parents={parent: verdicts[parent].inputs.key for parent in parents_of(stage, self.stages)},
+            parents={parent: verdicts[parent].inputs.key for parent in (*stage.parents, *stage.optional)},
             options={k: v for k, v in (before if options is None else options).items() if k != EXECUTOR_OPTION},
         )
 

@@ -13,7 +13,7 @@ from pneucli.plan.bench import SPEED_FACTOR, USUAL_SPEED, Bench
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
-from pneucli.simulate.model import Model, parameter_value, with_parameters
+from pneucli.simulate.model import Model, has_parameter, parameter_value, with_parameters
 from pneucli.simulate.valve_forms.area import ValveArea
 
 SHIFTED_BEST = 4  # draws of the best model's parameters
@@ -238,7 +238,7 @@ def shifted_models(fitted: Fit, model: Model, count: int, seed: int, sigma: floa
         change = root @ direction
         shifted = {}
         for f, dz in zip(fitted.free, change, strict=True):
-            z = f.to_coordinate(parameter_value(model, f.name)) if _has(model, f.name) else np.nan
+            z = f.to_coordinate(parameter_value(model, f.name)) if has_parameter(model, f.name) else np.nan
             value = f.from_coordinate(z + float(dz)) if np.isfinite(z) else np.nan
             if np.isfinite(value):
                 shifted[f.name] = float(np.clip(value, f.lower, f.upper))
@@ -262,11 +262,3 @@ def _monotone(valve: ValveArea) -> ValveArea:
     vents = commands < 0.0
     inward = np.concatenate([np.minimum.accumulate(areas[vents]), np.minimum.accumulate(areas[~vents][::-1])[::-1]])
     return replace(valve, areas=tuple(float(a) for a in inward))
-
-
-def _has(model: Model, name: str) -> bool:
-    try:
-        parameter_value(model, name)
-    except KeyError:
-        return False
-    return True

@@ -83,7 +83,10 @@ def render(draw: Callable[[Canvas], None], width: float, height: float) -> str:
 
 @dataclass(frozen=True)
 class Line:
-    """One curve of a chart: x and y of shape (n,), its label, and how it is drawn; None: as matplotlib would."""
+    """One curve of a chart: x and y of shape (n,), its label, and how it is drawn; None: as matplotlib would.
+
+    ``band`` has the ends of an interval about it, each (n,), shaded.
+    """
 
     x: ArrayLike
     y: ArrayLike
@@ -92,6 +95,8 @@ class Line:
     style: str = "-"
     width: float | None = None
     size: float | None = None  # of its markers
+    band: tuple[ArrayLike, ArrayLike] | None = None
+    alpha: float | None = None
 
 
 def chart(
@@ -100,6 +105,7 @@ def chart(
     y: str,
     *lines: Line,
     legend: Any = "",
+    ncols: int = 1,
     height: float = HEIGHT,
     extra: Callable[[Axes], object] = lambda axes: None,
     **limits: Any,
@@ -111,25 +117,36 @@ def chart(
         x: Title of the horizontal axis.
         y: Title of the vertical axis.
         lines: The curves, the last one on top.
-        legend: Place of the legend within the axes, as matplotlib names it; "" for none.
+        legend: Place of the legend, as matplotlib names it; "" for none.
+        ncols: Columns of a legend outside of the axes.
         height: Height in inches.
         extra: Draws what else there is, below the legend.
         limits: Further properties of the axes, such as ``xlim`` or ``yscale``.
     """
     with drawing(caption, x, y, height) as one:
         for line in lines:
+            if line.band is not None:
+                one.axes.fill_between(line.x, line.band[0], line.band[1], color=line.colour, alpha=0.25, linewidth=0)
             look: dict[str, Any] = {
                 "color": line.colour,
                 "linewidth": line.width,
                 "markersize": line.size,
+                "alpha": line.alpha,
                 "label": line.label,
             }
             one.axes.plot(line.x, line.y, line.style, **look)
         one.axes.set(**limits)
         extra(one.axes)
-        if legend:
+        if str(legend).startswith("outside"):
+            one.canvas.legend(loc=legend, ncols=ncols)
+        elif legend:
             one.axes.legend(loc=legend)
     return figures([one])[0]
+
+
+def zero_line(axes: Axes) -> None:
+    """Draw a thin line at zero."""
+    axes.axhline(0, color=GREY, linewidth=0.6)
 
 
 def reduced(line: Line, max_samples: int) -> Line:

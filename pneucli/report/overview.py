@@ -142,7 +142,7 @@ def _model(material: ReportData) -> Tile | None:
         text += " No recording was held out: this is the error of the fitted recordings."
     elif worst := answer.worst_channel:
         text += f" Worst: {worst}."
-    return Tile("The model", large, _capital(text), answer.rating)
+    return Tile("The model", large, text[:1].upper() + text[1:], answer.rating)
 
 
 def _stated_probability(material: ReportData, added: Sequence[str]) -> str:
@@ -259,10 +259,6 @@ def _first_doubt(material: ReportData) -> str:
     first, *more = [*(one for one in found if one not in stated), ""]
     others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""
     return f"Doubtful: {first}.{others}" if first else ""
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 FIGURE_SIZES = {"wide": (8.6, 4.3), "narrow": (4.3, 4.6)}  # inches, on a desk and on a telephone

@@ -21,10 +21,10 @@ from pneucli.messages.formatting import (
 from pneucli.messages.plan import GOOD_POWER, Answer
 from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
+from pneucli.report.figure import GREY, PALETTE, Line, chart, drawing, figures, reduced
 from pneucli.report.overview import Overview, Tile
 from pneucli.report.page import render_page
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Section
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section
 from pneucli.version import __version__
 
 MAX_SAMPLES = 600  # of a curve
@@ -111,23 +111,20 @@ def _expected(answer: Answer) -> list[Section]:
 def _recordings(answer: Answer, predictions: Sequence[Prediction]) -> list[Section]:
     sections = []
     for number, (row, one) in enumerate(zip(answer.recordings, predictions, strict=True), 1):
-        drawings, time = [], one.outcome.time
+        drawn, time = [], one.outcome.time
         for signal in (row.column, *(["x"] if one.outcome.x is not None else []), "p1"):
-            values = one.outcome.readings[signal]
-            kept = envelope_indices([values], MAX_SAMPLES)
             caption = f"{SIGNALS[signal].title}: {'command' if signal == row.column else 'as the best model predicts'}"
-            with drawing(caption, "time in s", axis_title(signal), 2.3) as figure:
-                figure.axes.plot(time[kept], in_display_unit(values[kept], SIGNALS[signal].unit))
-            drawings.append(figure)
+            curve = Line(time, in_display_unit(one.outcome.readings[signal], SIGNALS[signal].unit))
+            drawn.append(chart(caption, "time in s", axis_title(signal), reduced(curve, MAX_SAMPLES), height=2.3))
         if one.differences:
-            drawings.append(_differences(time, dict(islice(one.differences.items(), MAX_PLOTTED_RIVALS))))
+            drawn.append(_differences(time, dict(islice(one.differences.items(), MAX_PLOTTED_RIVALS))))
         text = row.manoeuvre
         lead = f"{text[0].upper()}{text[1:]}."
-        sections.append(Section(f"recording-{number}", row.name, lead, figures(drawings), number > 3))
+        sections.append(Section(f"recording-{number}", row.name, lead, drawn, number > 3))
     return sections
 
 
-def _differences(time: Array, differences: Mapping[str, Difference]) -> Drawing:
+def _differences(time: Array, differences: Mapping[str, Difference]) -> Figure:
     """Draw the running rms of the differences, with the noise shaded and what the best model leaves as a line."""
     caption = (
         "Difference of each rival from the best model (running rms) in the channel where it is largest; grey: noise; "
@@ -147,7 +144,7 @@ def _differences(time: Array, differences: Mapping[str, Difference]) -> Drawing:
         figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{format_plain(value)}"))
         figure.axes.yaxis.set_minor_formatter(NullFormatter())
         figure.canvas.legend(loc="outside lower center", ncols=2)
-    return figure
+    return figures([figure])[0]
 
 
 def running_rms(values: Array, time: Array) -> Array:

@@ -9,7 +9,7 @@ from pneucli.messages.formatting import axis_title, format_plain, format_quantit
 from pneucli.messages.init import Column
 from pneucli.messages.leak import LAWS, VERDICTS, LeakTest, with_interval
 from pneucli.messages.look import Recording
-from pneucli.report.figure import Drawing, Line, chart, drawing, figures
+from pneucli.report.figure import Line, chart
 from pneucli.report.overview import Overview, Tile
 from pneucli.report.page import render_page
 from pneucli.report.page_elements import Cell, Grid, Note, Section
@@ -56,14 +56,13 @@ def _range(one: Column) -> str:
 
 
 def _recording(one: Recording, number: int) -> Section:
-    drawings: list[Drawing] = []
+    drawn = []
     for signal in one.signals:
         rest = signal.rest_text
         caption = f"{signal.signal} of {one.name}" + (f"; rests at {rest}" if rest else "")
-        with drawing(caption, "time, s", axis_title(signal.signal), height=CURVE_HEIGHT) as own:
-            values = np.array([np.nan if value is None else value for value in signal.values])
-            own.axes.plot(signal.time, in_display_unit(values, signal.unit))
-        drawings.append(own)
+        values = np.array([np.nan if value is None else value for value in signal.values])
+        curve = Line(signal.time, in_display_unit(values, signal.unit))
+        drawn.append(chart(caption, "time, s", axis_title(signal.signal), curve, height=CURVE_HEIGHT))
     head = ("signal", "least", "median", "most", "noise", "missing")
     rows: list[tuple[Cell | str, ...]] = [
         (
@@ -74,7 +73,7 @@ def _recording(one: Recording, number: int) -> Section:
         for signal in one.signals
     ]
     lead = f"{one.experiment}, {one.samples} samples, {format_plain(one.seconds, 4)} s"
-    return Section(f"recording-{number}", one.name, lead, [*figures(drawings), Grid("Readings", head, rows)])
+    return Section(f"recording-{number}", one.name, lead, [*drawn, Grid("Readings", head, rows)])
 
 
 def leak_page(answer: leak.Answer) -> str:

@@ -169,13 +169,7 @@ def write_comparison(found: LawComparison, tables: Tables) -> None:
     ]
     if not rows:
         return
-    numbers = [n for n, v in rows[0].items() if isinstance(v, float)]
-    texts = {n: [str(r[n]) for r in rows] for n in ("group", "controller", "scenario")}
-    tables.write(
-        "comparison",
-        texts | {n: np.array([r[n] for r in rows]) for n in numbers},
-        {n: unit_from_name(n) for n in numbers},
-    )
+    tables.write_rows("comparison", rows, {n: unit_from_name(n) for n, v in rows[0].items() if isinstance(v, float)})
     write_runs(
         tables,
         "comparison_signals",

@@ -93,6 +93,7 @@ from pneucli.stages.control_laws import (
 )
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.table_rows import write_table_rows
 
 
 @dataclass(frozen=True)
@@ -281,16 +282,8 @@ def _designed_sector(
 def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
         write_text(tables.out / CONTROLLERS_FOLDER / f"{name}.json", controller.to_json())
-    values = designed.selected.values
-    tables.write(
-        "gains",
-        {
-            "name": list(values),
-            "value": np.array(list(values.values())),
-            "unit": [layout.UNITS.get(n, "1") for n in values],
-        },
-        {"value": "see column unit"},
-    )
+    gains = [(name, value, layout.UNITS.get(name, "1")) for name, value in designed.selected.values.items()]
+    write_table_rows(tables, "gains", "name value unit", gains, {"value": "see column unit"})
     write_sectors(tables, designed.sectors)
     if designed.weight_studies:
         write_weight_studies(tables, designed.weight_studies)
@@ -343,36 +336,24 @@ def _matrix_inequalities(designed: DesignResult) -> MatrixInequalities:
 
 def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
     """Write the sliding sectors."""
-    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s"}
-    tables.write(
-        "sector",
-        {"name": list(rows)}
-        | {
-            n: np.array([getattr(s, n) for s in rows.values()], dtype=np.float64)
-            for n in [*units, "middle", "steepness"]
-        }
-        | {"warning": [s.warning for s in rows.values()]},
-        units | {"middle": "1/s", "steepness": "1"},
-    )
+    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s", "middle": "1/s"}
+    units["steepness"] = "1"
+    listed = [(name, *(float(getattr(s, n)) for n in units), s.warning) for name, s in rows.items()]
+    write_table_rows(tables, "sector", f"name {' '.join(units)} warning", listed, units)
 
 
 def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None:
     """Write the parallel distributed compensation of each weight type."""
-    numbers = ("rate", "worst_pole", "worst_lmi")
-    tables.write(
-        "lmi",
-        {
-            "weight_type": [str(w.weight_type) for w in weights],
-            "vertices": np.array([w.vertices for w in weights]),
-            **{n: np.array([getattr(w.pdc, n) if w.pdc else np.nan for w in weights]) for n in numbers},
-            "status": [w.pdc.status if w.pdc else w.failure for w in weights],
-            "verified": np.array([bool(w.pdc and w.pdc.verified) for w in weights]),
-            "peak": np.array([w.peak_input_ratio for w in weights]),
-            "decayed": np.array([w.lyapunov_ratio for w in weights]),
-        },
-        {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
-        | dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1"),
-    )
+    listed = [
+        (str(w.weight_type), w.vertices)
+        + ((w.pdc.rate, w.pdc.worst_pole, w.pdc.worst_lmi, w.pdc.status) if w.pdc else (*3 * (None,), w.failure))
+        + (bool(w.pdc and w.pdc.verified), w.peak_input_ratio, w.lyapunov_ratio)
+        for w in weights
+    ]
+    units = {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
+    units |= dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1")
+    columns = "weight_type vertices rate worst_pole worst_lmi status verified peak decayed"
+    write_table_rows(tables, "lmi", columns, listed, units)
 
 
 MARGIN_UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,21 +46,13 @@ from pneucli.simulate.model import Model
 from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.planned_recordings import planned_recording
+from pneucli.stages.table_rows import write_table_rows
 
 SHAPE_BINS = 40
 SHAPE_FILE = "shape.parquet"
 MAX_SETS = 10  # of effects that were fitted together
 MAX_SHAPE_RECORDINGS = 3  # recordings a picture is drawn of
-TEXT_COLUMNS = {"effect", "parameter", "unit", "indistinguishable_from", "reason", "why", "add"} | {
-    "recording",
-    "channel",
-    "variable",
-    "acts_as",
-    "effects",
-    "sizes",
-}
 NOT_FITTED = {"": Figure(np.nan, np.nan, np.nan)}
-BOOLEAN_COLUMNS = {"supported", "missing"}
 
 
 def unexplained_answer(one: UnexplainedResidual) -> Unexplained:
@@ -151,12 +143,12 @@ def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diag
     tables = pipeline.tables("diagnose", "ingest/signals.parquet")
     _write_tables(tables, answer, shapes, list(_smooth_term_rows(diagnosis.unexplained)))
     rows = [
-        (i, *_texts(s.visited), s.log_evidence, s.probability, s.visited.cost, channel, *sums)
+        (float(i), *_texts(s.visited), s.log_evidence, s.probability, s.visited.cost, channel, *sums)
         for i, s in enumerate(diagnosis.sets)
         for channel, sums in s.visited.channels.items()
     ]
     columns = "number effects sizes log_evidence probability cost channel readings log_variance"
-    _write(tables, "sets", columns, rows, dict.fromkeys(columns.split(), "1"))
+    write_table_rows(tables, "sets", columns, rows, dict.fromkeys(columns.split(), "1"))
 
 
 def _texts(visited: VisitedSet) -> tuple[str, str]:
@@ -179,7 +171,7 @@ def _write_tables(tables: Tables, answer: Answer, shapes: list[tuple[Any, ...]],
         for c in answer.candidates
         for name, p in (c.parameters or NOT_FITTED).items()
     ]
-    _write(
+    write_table_rows(
         tables,
         "candidates",
         "effect error_before error_after parameter value unit ci_low ci_high supported missing "
@@ -188,25 +180,12 @@ def _write_tables(tables: Tables, answer: Answer, shapes: list[tuple[Any, ...]],
         {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
     )
     ladder = [(s.add or "", s.error_train, s.error_test) for s in answer.ladder]
-    _write(tables, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"})
+    write_table_rows(tables, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"})
     columns = "effect recording channel variable unit value residual_before residual_after expected"
     values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
-    _write(tables, "shape", columns, shapes, values | {"value": "SI"})
+    write_table_rows(tables, "shape", columns, shapes, values | {"value": "SI"})
     columns = "channel acts_as variable unit value law"
-    _write(tables, "law", columns, laws, {"value": "SI", "law": "see column unit"})
-
-
-def _write(tables: Tables, name: str, columns: str, rows: Sequence[tuple[Any, ...]], units: Mapping[str, str]) -> None:
-    table: dict[str, Any] = {}
-    for i, column in enumerate(columns.split()):
-        cells = [row[i] for row in rows]
-        if column in TEXT_COLUMNS:
-            table[column] = cells
-        elif column in BOOLEAN_COLUMNS:
-            table[column] = np.array(cells, dtype=bool)
-        else:
-            table[column] = np.array([np.nan if c is None else c for c in cells], dtype=np.float64)
-    tables.write(name, table, units)
+    write_table_rows(tables, "law", columns, laws, {"value": "SI", "law": "see column unit"})
 
 
 def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:

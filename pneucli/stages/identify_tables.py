@@ -35,6 +35,7 @@ from pneucli.messages.identify import (
     ValveDeviation,
 )
 from pneucli.quantities import Z95
+from pneucli.stages.table_rows import write_table_rows
 
 Columns = dict[str, NDArray[Any]]
 INTERVAL_COLUMNS = ("ci_low", "ci_high")
@@ -52,12 +53,8 @@ SOURCE_KEYS = "uncertainty unit sensitivity contribution bound factors"
 
 def write_parameters(found: Mapping[str, Figure], tables: Tables) -> None:
     """Write ``parameters``, a row for each parameter or characteristic."""
-    rows = [{"name": name} | one.columns for name, one in found.items()]
-    tables.write(
-        "parameters",
-        {key: [row[key] for row in rows] for key in ("name", "value", "unit", "ci_low", "ci_high")},
-        INTERVAL_UNITS,
-    )
+    rows = [(name, one.value, one.unit, one.low, one.high) for name, one in found.items()]
+    write_table_rows(tables, "parameters", "name value unit ci_low ci_high", rows, INTERVAL_UNITS)
 
 
 def write_parameter_relations(
@@ -65,35 +62,14 @@ def write_parameter_relations(
 ) -> None:
     """Write ``correlation`` (a row a pair), ``sensitivity`` (a row a parameter and channel) and ``iterations``."""
     names = [e.name for e in found.estimates]
-    tables.write(
-        "correlation",
-        {
-            "name": [a for a in names for _ in names],
-            "other": [b for _ in names for b in names],
-            "correlation": parameter_correlation(found).ravel(),
-        },
-        {"correlation": "1"},
-    )
-    influences = sensitivities(found, views)
-    tables.write(
-        "sensitivity",
-        {
-            "name": [s.name for s in influences],
-            "channel": [s.channel for s in influences],
-            "times_noise": np.array([s.times_noise for s in influences], dtype=np.float64),
-        },
-        {"times_noise": "1"},
-    )
-    tables.write(
-        "iterations",
-        {
-            "effects": [", ".join(r.effects) for r in rounds],
-            "search": np.array([r.search for r in rounds], dtype=np.int64),
-            "round": np.array([r.round for r in rounds], dtype=np.int64),
-            "residual": np.array([r.residual for r in rounds], dtype=np.float64),
-        },
-        {"search": "1", "round": "1", "residual": "1"},
-    )
+    pairs = [(one, other) for one in names for other in names]
+    related = [(*pair, r) for pair, r in zip(pairs, parameter_correlation(found).ravel(), strict=True)]
+    write_table_rows(tables, "correlation", "name other correlation", related, {"correlation": "1"})
+    felt = [(s.name, s.channel, s.times_noise) for s in sensitivities(found, views)]
+    write_table_rows(tables, "sensitivity", "name channel times_noise", felt, {"times_noise": "1"})
+    walked = [(", ".join(r.effects), r.search, r.round, r.residual) for r in rounds]
+    units = dict.fromkeys(("search", "round", "residual"), "1")
+    write_table_rows(tables, "iterations", "effects search round residual", walked, units)
 
 
 def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
@@ -280,17 +256,16 @@ def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Esti
     for name, (columns, units) in kinds.items():
         parts = [columns(valve) for valve in valves]
         if both:
-            parts = [_with_chamber(part, valve.chamber) for part, valve in zip(parts, valves, strict=True)]
+            chambers = [
+                {"chamber": np.full(len(part["u"]), valve.chamber)} for part, valve in zip(parts, valves, strict=True)
+            ]
+            parts = [chamber | part for chamber, part in zip(chambers, parts, strict=True)]
         table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
         tables.write(
             name,
             {key: values if values.dtype.kind in "bif" else list(values) for key, values in table.items()},
             {key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
         )
-
-
-def _with_chamber(columns: Columns, chamber: int) -> Columns:
-    return {"chamber": np.full(len(columns["u"]), chamber), **columns}
 
 
 def area_unit(estimates: Sequence[Estimate]) -> str:

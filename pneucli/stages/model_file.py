@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.stages.table_rows import write_table_rows
 
 MODEL_FILE = "model.parquet"
 DRAWS_FILE = "parameter_draws.parquet"
@@ -24,14 +24,7 @@ def save_model(model: Model, tables: Tables) -> None:
     """Write a model's values and its valve."""
     rows = [("value", name, np.nan, value) for name, value in model.values.items()]
     rows += [row for valve in model.valves for row in _valve_rows(valve)]
-    kind, name, command, value = zip(*rows, strict=True)
-    columns: dict[str, Any] = {
-        "kind": list(kind),
-        "name": list(name),
-        "command": np.array(command),
-        "value": np.array(value),
-    }
-    tables.write("model", columns, {"command": "V", "value": "SI"})
+    write_table_rows(tables, "model", "kind name command value", rows, {"command": "V", "value": "SI"})
 
 
 def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
@@ -79,13 +72,7 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
 def save_drawn_parameters(drawn: Sequence[Mapping[str, float]], tables: Tables) -> None:
     """Write parameters that the recordings allow as well, a row for each draw and parameter."""
     rows = [(i, name, value) for i, values in enumerate(drawn) for name, value in values.items()]
-    draw, name, value = zip(*rows, strict=True) if rows else ((),) * 3
-    columns: dict[str, Any] = {
-        "draw": np.array(draw, dtype=np.int64),
-        "name": list(name),
-        "value": np.array(value, dtype=np.float64),
-    }
-    tables.write("parameter_draws", columns, {"draw": "1", "value": "SI"})
+    write_table_rows(tables, "parameter_draws", "draw name value", rows, {"draw": "1", "value": "SI"})
 
 
 def load_drawn_models(folder: Path, model: Model) -> list[Model]:

@@ -37,6 +37,7 @@ from pneucli.stages.control_laws import (
 from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.table_rows import write_table_rows
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
@@ -158,27 +159,19 @@ def _monte_carlo_study(
     return Robustness(asked.runs, asked.seed, checks, rates)
 
 
+def _sizes(sizes: Mapping[str, float]) -> str:
+    """Return the sizes of what was drawn, as a text."""
+    return ", ".join(f"{name} = {format_plain(size, 4)}" for name, size in sizes.items())
+
+
 def _write_monte_carlo(study: PipelineData, rows: Sequence[Mapping[str, Any]], rates: Sequence[SuccessRate]) -> None:
     figures = [n for n, v in rows[0].items() if isinstance(v, float)]
     tables = study.tables("simulate", "identify/model.parquet", "design/gains.parquet")
-    tables.write(
-        "robust",
-        {
-            "run": np.array([r["run"] for r in rows]),
-            "scenario": [r["scenario"] for r in rows],
-            "effect": [r["effect"] for r in rows],
-            "sizes": [", ".join(f"{n} = {format_plain(v, 4)}" for n, v in r["sizes"].items()) for r in rows],
-            **{n: np.array([r[n] for r in rows], dtype=np.float64) for n in figures},
-        },
-        {"run": "1"} | {n: unit_from_name(n) for n in figures},
-    )
-    numbers = ("limit", "held", "runs", "worst", "worst_run")
-    tables.write(
-        "robust_rates",
-        {
-            "check": [r.check for r in rates],
-            "effect": [r.effect for r in rates],
-            **{n: np.array([getattr(r, n) for r in rates], dtype=np.float64) for n in numbers},
-        },
-        dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's"),
-    )
+    listed = [
+        (r["run"], r["scenario"], r["effect"], _sizes(r["sizes"]), *(float(r[name]) for name in figures)) for r in rows
+    ]
+    units = {"run": "1"} | {n: unit_from_name(n) for n in figures}
+    write_table_rows(tables, "robust", f"run scenario effect sizes {' '.join(figures)}", listed, units)
+    held = [(r.check, r.effect, r.limit, float(r.held), float(r.runs), r.worst, float(r.worst_run)) for r in rates]
+    units = dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's")
+    write_table_rows(tables, "robust_rates", "check effect limit held runs worst worst_run", held, units)

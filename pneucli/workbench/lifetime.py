@@ -159,12 +159,6 @@ class Workbench:
             self.tell()
 
 
-def _end(loop: asyncio.AbstractEventLoop, ended: asyncio.Event) -> None:
-    """End the server from another thread; nothing where it has ended already."""
-    with suppress(RuntimeError):
-        loop.call_soon_threadsafe(ended.set)
-
-
 async def _send(page: web.WebSocketResponse, text: str) -> None:
     with suppress(ConnectionError, RuntimeError):
         await page.send_str(text)

@@ -360,17 +360,14 @@ def command_table(experiment: Experiment) -> Table:
 def error_answer(result: ChannelResult) -> dict[str, Any]:
     """Return one channel's error x noise and in the unit that people read, as the page shows it."""
     fit = "" if math.isnan(result.fit_percent) else f", fit {format_fit(result.fit_percent)}"
+    ratio = result.ratio_to_noise
     return {
         "recording": result.recording,
         "channel": result.channel,
-        "ratio": None if math.isnan(result.ratio_to_noise) else result.ratio_to_noise,
-        "text": f"{format_noise_ratio(_finite(result.ratio_to_noise))} × noise",
+        "ratio": None if math.isnan(ratio) else ratio,
+        "text": f"{format_noise_ratio(ratio if math.isfinite(ratio) else None)} × noise",
         "size": f"{format_quantity(result.rmsd, result.unit, 3)}{fit}",
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def gauss_newton_step(

@@ -1,7 +1,5 @@
 """How well a rig repeats: nothing is added where dates differ by their errors, and what drifts no longer alarms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

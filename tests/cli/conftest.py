@@ -1,7 +1,5 @@
 """The commands over toy stages."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace

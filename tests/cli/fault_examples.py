@@ -1,7 +1,5 @@
 """Provoke each kind of fault as its example states, and print what the program says: ``python -m ... CODE``."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

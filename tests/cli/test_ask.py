@@ -1,7 +1,5 @@
 """``pneucli init --ask``: questions on the terminal, asked again where an answer cannot be taken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``pneucli check``: what a pipeline reads and lacks is said, and nothing is run."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``exam``: cases are answered once each, failures do not stop the others, grades come with what they took."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

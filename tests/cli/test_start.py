@@ -1,7 +1,5 @@
 """How the program starts: at once, in every way it may be called; and the page about it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,13 +1,13 @@
 """The gate: what was asked of the loop, on the model and on axes like it, and why the plant cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from pneucli.closed_loop import acceptance as gating
+from pneucli.closed_loop import ensemble
 from pneucli.closed_loop.acceptance import (
     NOMINAL_AXIS,
     Criterion,
@@ -16,9 +16,17 @@ from pneucli.closed_loop.acceptance import (
     check_acceptance,
     limiting_cause,
 )
+from pneucli.closed_loop.ensemble import Choice, Proof, RigEnsemble, ensemble_of, probability_at_least, prove, rig_test
 from pneucli.closed_loop.metrics import without_component
 from pneucli.closed_loop.scenarios import read_scenarios
+from pneucli.controller.parameters import Controller
+from pneucli.design.cascade_design import design_cascade
+from pneucli.design.control_laws import controller_for
+from pneucli.design.requirements import Requirements
+from pneucli.figure import read
+from pneucli.messages import design as messages
 from pneucli.messages import design as words
+from pneucli.physics.effects import catalogue
 from tests.design import axis
 
 MODEL, CONTROLLER, WANTED = axis.model(), axis.controller(), axis.REQUIREMENTS
@@ -123,3 +131,171 @@ def test_the_spring_is_that_of_both_chambers_of_enclosed_gas() -> None:
 )
 def test_a_demand_is_missed_on_its_side_of_the_limit(value: float, at_least: bool, missed: bool) -> None:
     assert Criterion("one", 1.0, "m", lambda _: 0.0, at_least).is_violated(value) == missed
+
+
+# --- the ensemble of rigs, the search of gains on it, and the promise from fresh rigs
+
+
+ENSEMBLE_MODEL, ENSEMBLE_CONTROLLER = axis.model(), axis.controller()
+SIGMA = {"friction.coulomb": 1.0, "friction.viscous": 2.0}
+ENSEMBLE = ensemble_of(ENSEMBLE_MODEL, SIGMA)
+TEST = rig_test(ENSEMBLE_CONTROLLER, axis.REQUIREMENTS)
+
+
+def made(choice: Choice) -> Controller:
+    return design_cascade(*ensemble.chosen_requirements(choice, ENSEMBLE_MODEL, axis.REQUIREMENTS), axis.SEALED)
+
+
+def test_a_rig_is_the_same_each_time_and_without_an_effect_but_for_that() -> None:
+    one, again, less = (ENSEMBLE.draw(1, 5, name) for name in ("", "", "valve-lag"))
+    assert one.values == again.values
+    assert one.values != ENSEMBLE.draw(1, 6).values
+    assert {e.name for e in one.effects} - {e.name for e in less.effects} == {"valve-lag"}
+    assert less.values == {n: v for n, v in one.values.items() if not n.startswith("valve-lag.")}
+
+
+def test_every_rig_steps_both_ways_and_goes_along_a_sine_that_begins_where_it_is() -> None:
+    stroke, begins = ENSEMBLE_CONTROLLER.values["C_STROKE"], 4 * ensemble.DWELL
+    way = (TEST.scenario.reference - 0.5 * stroke) / (ensemble.AMPLITUDE * stroke)
+    times = [0.0, 0.99 * ensemble.DWELL, 1.01 * ensemble.DWELL, 0.99 * begins]
+    times += [begins + part / ensemble.FREQUENCY for part in (0.0, 0.25, 0.5, 1.0)]
+    found = [way[round(time / ENSEMBLE_CONTROLLER.period)] for time in times]
+    assert found == pytest.approx([1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 1.0, -1.0], abs=1e-3)
+
+
+def test_rigs_spread_as_the_recordings_and_the_regulator_allow() -> None:
+    rigs = [ENSEMBLE.draw(0, k) for k in range(300)]
+    coulomb = [rig.values["friction.coulomb"] for rig in rigs]
+    assert np.mean(coulomb) == pytest.approx(ENSEMBLE_MODEL.values["friction.coulomb"], abs=0.2)
+    assert np.std(coulomb) == pytest.approx(1.0, rel=0.2)
+    supply = (
+        np.array([rig.base_values()["rig.supply_pressure"] for rig in rigs])
+        / ENSEMBLE_MODEL.base_values()["rig.supply_pressure"]
+    )
+    assert (supply.min(), supply.max()) == pytest.approx((0.9, 1.1), abs=0.01)
+    lags = [rig.values["valve-lag.time_constant"] for rig in rigs]
+    assert (min(lags), max(lags)) == pytest.approx((0.0, 0.01), abs=2e-4)
+
+
+@pytest.mark.parametrize("known", ["valve-lag", "dwell-breakaway"])
+def test_what_the_model_knows_is_not_drawn_and_bristles_not_beside_two_branches(known: str) -> None:
+    model = replace(ENSEMBLE_MODEL, effects=(*ENSEMBLE_MODEL.effects, catalogue()[known]))
+    missing = set(ENSEMBLE.effects) - set(ensemble_of(model, {}).effects)
+    assert missing == {"valve-lag" if known == "valve-lag" else "presliding"}
+
+
+def test_limits_are_those_of_the_requirements() -> None:
+    asked = rig_test(ENSEMBLE_CONTROLLER, Requirements(tolerance=200e-6, tracking_error=1e-3))
+    assert asked.limits == (200e-6, 1e-3, 400e-6, 2.0)
+    assert TEST.limits == (50e-6, 0.5e-3, 100e-6, 2.0)
+
+
+def test_the_model_itself_holds_all_limits_and_a_weak_supply_acts() -> None:
+    usual = TEST.ratios(ENSEMBLE_MODEL, ENSEMBLE_CONTROLLER, axis.BENCH, 0)
+    assert usual.max() < 1.0
+    weak = ENSEMBLE_MODEL.with_values(
+        {"rig.supply_pressure": 0.5 * ENSEMBLE_MODEL.base_values()["rig.supply_pressure"]}
+    )
+    assert TEST.ratios(weak, ENSEMBLE_CONTROLLER, axis.BENCH, 0)[1] > 1.2 * usual[1]
+
+
+def test_the_score_counts_what_exceeds_the_limits_and_then_the_margin() -> None:
+    held, wide, one_out = np.full((4, 4), 0.9), np.full((4, 4), 0.3), np.full((4, 4), 0.3)
+    one_out[2, 1] = 2.0
+    assert ensemble.score_of(wide) < ensemble.score_of(held) < ensemble.score_of(one_out)
+
+
+def test_the_search_is_no_worse_than_the_rules_on_its_rigs() -> None:
+    rules, planned = Choice(0.0, 1.0, 1.0), Choice(5e-3, 1.0, 1.0)
+    family, seen = [rules, Choice(0.0, 0.5, 1.0), planned, Choice(5e-3, 0.5, 1.0)], []
+    best = ensemble.search(ENSEMBLE, made, axis.BENCH, TEST, family, seen.append, count=5)
+    rigs = {0: ENSEMBLE_MODEL} | {k: ENSEMBLE.draw(ensemble.SEARCH_SEED, k) for k in range(1, 6)}
+    assert best.score < ensemble.score_of(ensemble.ratios_on(rigs, TEST, ENSEMBLE_CONTROLLER, axis.BENCH))
+    assert best.lag == 5e-3  # rigs of up to 10 ms
+    assert seen[0] == 0.0
+    assert seen == sorted(seen)
+    assert seen[-1] <= 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_least_scores_are_those_of_all_runs_and_most_runs_are_not_made(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PNEUCLI_THREADS", str(1 + seed % 3))
+    rng = np.random.default_rng(seed)
+    ratios = np.exp(rng.normal(np.linspace(-1.5, 3.0, 40)[:, np.newaxis, np.newaxis], 0.7, (40, 25, 4)))
+    done: list[list[np.ndarray]] = [[] for _ in ratios]
+    found = ensemble.least_scores(done, lambda i, k: ratios[i, k], 25, 3)
+    assert found == np.argsort([ensemble.score_of(of) for of in ratios])[:3].tolist()
+    assert all(len(done[i]) == 25 for i in found)
+    assert sum(map(len, done)) < 0.4 * 40 * 25
+
+
+def test_a_lag_that_the_model_knows_is_not_planned_for_twice() -> None:
+    assert ensemble.family_of(ENSEMBLE)[0] == Choice(0.0, 1.0, 1.0)
+    assert {choice.lag for choice in ensemble.family_of(ENSEMBLE)} == set(ensemble.LAGS)
+    assert {choice.lag for choice in ensemble.family_of(RigEnsemble(ENSEMBLE_MODEL, {}, ()))} == {0.0}
+
+
+def test_a_member_of_the_family_with_shares_of_one_is_the_design_by_the_rules() -> None:
+    assert made(Choice(0.0, 1.0, 1.0)).values == pytest.approx(dict(ENSEMBLE_CONTROLLER.values), rel=1e-12)
+
+
+def test_another_law_has_the_corners_of_its_choice() -> None:
+    data = axis.plan()
+    usual, slower = (controller_for("pid", ensemble.chosen_data(Choice(0.0, p, 2.0), data)) for p in (1.0, 0.5))
+    assert slower.values["C_P_KP"] == pytest.approx(0.5 * usual.values["C_P_KP"])
+    assert usual.values["C_KI"] == pytest.approx(8.0 * controller_for("pid", data).values["C_KI"])
+
+
+def test_the_proof_names_the_effect_that_limits() -> None:
+    slow = RigEnsemble(ENSEMBLE_MODEL, {}, ("valve-lag", "valve-hysteresis"))
+    proof = prove(ENSEMBLE_CONTROLLER, slow, TEST, axis.BENCH, rigs=12)
+    failed = 12 - proof.held
+    assert failed > 0
+    assert proof.limiting == "valve-lag"
+    assert proof.rescued["valve-lag"] == proof.explained == failed
+    assert proof.probability < proof.held / 12
+
+
+def test_no_more_rigs_are_explained_than_name_what_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ensemble, "EXPLAINED_RIGS", 1)
+    slow = RigEnsemble(ENSEMBLE_MODEL, {}, ("valve-lag",))
+    proof = prove(ENSEMBLE_CONTROLLER, slow, TEST, axis.BENCH, rigs=12)
+    assert 12 - proof.held > 1
+    assert (proof.explained, proof.rescued) == (1, {"valve-lag": 1})
+
+
+def test_without_a_failure_nothing_limits() -> None:
+    proof = Proof(np.full((59, 4), 0.5), 0, {"valve-lag": 0})
+    assert (proof.held, proof.limiting) == (59, "")
+    assert proof.probability == pytest.approx(0.95, abs=1e-3)
+
+
+@pytest.mark.parametrize("true", [0.7, 0.9, 0.97])
+def test_the_promise_is_too_high_in_at_most_one_case_in_twenty(true: float) -> None:
+    held = np.arange(101)
+    too_high = np.array([probability_at_least(int(k), 100) > true for k in held])
+    assert float(binom.pmf(held, 100, true)[too_high].sum()) <= 0.05
+
+
+def test_the_message_says_probability_and_what_to_record() -> None:
+    row = {"rigs": 100, "held": 96, "probability": 0.911, "worst": dict.fromkeys(ensemble.FIGURES),
+           "median": dict.fromkeys(ensemble.FIGURES, 0.2)}  # fmt: skip
+    answer = {
+        "laws": {"best": row},
+        "limits": {n: {"value": v, "unit": u} for (n, u), v in zip(ensemble.FIGURES.items(), TEST.limits, strict=True)},
+        "confidence": 0.95,
+        "effects": ["valve-lag", "line-delay"],
+        "limiting": "valve-lag",
+        "explained": 4,
+        "rescued": {"valve-lag": 3, "line-delay": 0},
+        "separate": catalogue()["valve-lag"].separate,
+    }
+    found = read(messages.Ensemble, answer)
+    first, _, last = found.promise
+    assert "96 of 100" in first
+    assert "at least 91 %" in first
+    assert "3 of 4 rigs" in last
+    assert catalogue()["valve-lag"].separate in last
+    assert next(found.rows)[:2] == ("best", "96 of 100")

@@ -1,7 +1,5 @@
 """Logs of a running controller: replayed from what it read, and held against what the model foretells."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

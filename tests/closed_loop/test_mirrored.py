@@ -1,7 +1,5 @@
 """A 5/3 valve in the loop: one command moves both chambers, and the piston arrives and stays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fixtures of the virtual rig with the parameters that made them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The one judgement of a model's printed error."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from pneucli.compare import goodness_of_fit
+from pneucli.compare import compare, goodness_of_fit, overall_error
 from pneucli.compare.channel_errors import ChannelResult
-from pneucli.compare.expected_error import ExpectedError, noise_error
+from pneucli.compare.expected_error import ExpectedError, expected_rms, noise_error
 from pneucli.compare.goodness_of_fit import (
     Excused,
     GoodnessOfFit,
@@ -23,8 +22,12 @@ from pneucli.compare.goodness_of_fit import (
     judge_fit,
     parameter_error_squares,
 )
+from pneucli.compare.residual_correlation import Correlation, confidence_bound, residual_correlations
 from pneucli.simulate.model import Model
+from pneucli.simulate.noise_propagation import sample_deviations
 from pneucli.simulate.valve_forms.area import ValveArea
+from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
+from tests.compare.test_channel_errors import TIME, comparison
 from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 SEGMENTS = 200
@@ -209,3 +212,137 @@ def test_noise_of_one_sensor_errs_once_for_all_recordings() -> None:
     one = ExpectedError({}, {}, noise_error={"p1": 0.1, "x": 0.3})
     assert noise_error([(one, ["p1"])] * 5) == pytest.approx(0.1)
     assert noise_error([(one, ["p1", "x"])]) == pytest.approx(np.hypot(0.05, 0.15))
+
+
+# --- with the true parameters, errors are as large as the expected error of a correct model
+
+
+@pytest.fixture(scope="module")
+def vessel(tmp_path_factory: pytest.TempPathFactory) -> FixtureExperiments:
+    return load_fixture("valve_null", tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def piston(tmp_path_factory: pytest.TempPathFactory) -> FixtureExperiments:
+    return load_fixture("friction_null_coulomb", tmp_path_factory)
+
+
+def results(found: FixtureExperiments) -> list[ChannelResult]:
+    model, experiments = found
+    return [r for e in experiments for r in compare(model, e).results]
+
+
+def test_pressures_of_a_vessel_are_at_their_noise(vessel: FixtureExperiments) -> None:
+    for r in results(vessel):
+        assert r.ratio_to_noise == pytest.approx(1.0, abs=0.15), r.recording
+    assert overall_error(results(vessel), "test") == pytest.approx(1.0, abs=0.1)
+
+
+def test_motion_is_at_its_noise(piston: FixtureExperiments) -> None:
+    """x of a stick-slip is one slip or two, whose ends scatter: three standard deviations of so few are a factor."""
+    for r in results(piston):
+        low = 0.3 if r.channel == "x" and r.recording.startswith("stickslip") else 0.7
+        assert low < r.ratio_to_noise < 1.6, (r.recording, r.channel)
+    for use in ("train", "test"):
+        assert overall_error(results(piston), use) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_wrong_parameter_exceeds_the_expected_error(vessel: FixtureExperiments, piston: FixtureExperiments) -> None:
+    model, experiments = piston
+    rough = model.with_values({"friction.coulomb": 1.2 * model.values["friction.coulomb"]})
+    assert overall_error(results((rough, experiments)), "test") > 4.0
+    model, experiments = vessel
+    wide = replace(model, valve=replace(model.valve, areas=tuple(1.05 * a for a in model.valve.areas)))
+    assert overall_error(results((wide, experiments)), "test") > 3.0
+
+
+def test_the_noise_of_the_restart_state_is_propagated(vessel: FixtureExperiments) -> None:
+    """Just after a restart a correct model is off by the sensor's noise and the restart's, which are not the same."""
+    model, experiments = vessel
+    e = experiments[0]
+    drawn = sample_deviations(model, e, draws=40)["p1"]
+    sensor = e.noise["p1"].rms
+    rms = np.sqrt(np.mean(drawn**2))
+    assert sensor < rms < 1.3 * sensor
+    assert expected_rms(model, e)["p1"] == pytest.approx(rms, rel=0.1)
+
+
+def test_draws_repeat_and_follow_the_seed(vessel: FixtureExperiments) -> None:
+    model, experiments = vessel
+    one, again, other = (sample_deviations(model, experiments[0], draws=2, seed=s)["p1"] for s in (1, 1, 2))
+    assert np.array_equal(one, again)
+    assert not np.array_equal(one, other)
+
+
+def test_noise_is_never_below_quantisation(piston: FixtureExperiments) -> None:
+    """The encoder counts micrometres; interface, section 3: never below a step / sqrt(12)."""
+    for r in results(piston):
+        if r.channel == "x":
+            assert r.noise >= 1e-6 / np.sqrt(12)
+
+
+# --- a residual's correlation with itself and with the inputs, and its bounds under independence
+
+
+N = 4000
+
+
+def slow(rng: np.random.Generator, pole: float) -> np.ndarray:
+    """A series of mean 0 and norm 1 whose samples follow one another."""
+    series = lfilter([1.0], [1.0, -pole], rng.standard_normal(N))
+    series -= series.mean()
+    return series / np.linalg.norm(series)
+
+
+def full(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.correlate(first, second, "full")
+
+
+def of(residual: np.ndarray, other: np.ndarray) -> dict[str, Correlation]:
+    """Correlations of a made-up comparison of one channel, sampled each ms, with one input."""
+    recording = SimpleNamespace(name="r", use="test", period=1e-3, time=np.arange(residual.size) * 1e-3)
+    experiment = SimpleNamespace(recording=recording, raw={"u": other, "p1": residual}, channels=("p1",))
+    made: Any = SimpleNamespace(experiment=experiment, residual=lambda channel: residual)
+    return {c.against: c for c in residual_correlations(made, 0.1)}
+
+
+def test_a_delayed_response_shows_at_its_lag() -> None:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(N)
+    late = np.roll(u, 30) + 0.5 * rng.standard_normal(N)
+    found = of(late, u)["u"]
+    assert found.lag[np.argmax(found.correlation)] == pytest.approx(0.030)
+    assert found.correlation.max() == pytest.approx(1 / np.sqrt(1.25), abs=0.05)
+    assert 1.0 <= found.bound / (1.96 / np.sqrt(N)) < 2.0
+
+
+def test_autocorrelation_starts_at_one_and_white_noise_stays_within_the_bound() -> None:
+    found = of(np.random.default_rng(1).standard_normal(N), np.ones(N))
+    assert list(found) == ["p1"]  # what does not change has no correlation
+    own = found["p1"]
+    assert (own.lag[0], own.correlation[0]) == (0.0, pytest.approx(1.0))
+    assert np.mean(abs(own.correlation[1:]) > own.bound) < 0.12
+
+
+def test_the_bound_holds_for_series_that_change_slowly() -> None:
+    """Of 400 independent pairs about 95 in 100 stay inside; with the bound of white noise it would be 30."""
+    rng = np.random.default_rng(2)
+    inside = white = 0
+    for _ in range(400):
+        a, b = slow(rng, 0.98), slow(rng, 0.98)
+        inside += abs(a @ b) < confidence_bound(full(a, a), full(b, b))
+        white += abs(a @ b) < 1.96 / np.sqrt(N)
+    assert 0.90 <= inside / 400 <= 0.99
+    assert white / 400 < 0.5
+
+
+def test_every_channel_is_correlated_with_every_input() -> None:
+    rng = np.random.default_rng(3)
+    found = comparison(rng.standard_normal(TIME.size))
+    raw = {**found.experiment.raw, "u": rng.standard_normal(TIME.size)}
+    given = replace(found, experiment=replace(found.experiment, raw=raw))
+    assert [(c.channel, c.against) for c in residual_correlations(given, 0.5)] == [
+        ("force", "force"),
+        ("force", "x"),
+        ("force", "u"),
+    ]

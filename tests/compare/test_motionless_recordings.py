@@ -1,7 +1,5 @@
 """Recordings in which nothing moves, or all but nothing: no stage fails, and none invents a motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One sample of the controller, function by function, in round numbers: the text that is compiled and exported."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -895,17 +893,19 @@ def test_with_nothing_ahead_mass_and_friction_are_left_to_the_loop() -> None:
     assert force == pytest.approx(2.0 * (60.0 * 0.01 + 900.0 * 1e-4) - 5.0)
 
 
+STICKING = {
+    "X_SHAPED": 0.15,
+    "V_SHAPED": 0.0,
+    "A_SHAPED": 0.0,
+    "V": 0.0,
+    "REF_REST_TIME": 0.06,
+    "MOVING_COUNT": 0.0,
+    "LOAD": 0.0,
+}
+
+
 def test_at_rest_off_the_reference_the_sector_pushes_too() -> None:
-    stiction = {
-        "X_SHAPED": 0.15,
-        "V_SHAPED": 0.0,
-        "A_SHAPED": 0.0,
-        "V": 0.0,
-        "REF_REST_TIME": 0.06,
-        "MOVING_COUNT": 0.0,
-        "LOAD": 0.0,
-    }
-    force, s = asked(**stiction, P1=1e5 + 6e-4 * 2e5 / 8e-4, RAMP_GAIN=1.0, LAST_SIGN=1.0)
+    force, s = asked(**STICKING, P1=1e5 + 6e-4 * 2e5 / 8e-4, RAMP_GAIN=1.0, LAST_SIGN=1.0)
     assert of(s, "RELEASE_FORCE") == pytest.approx([0.5])
     assert force == pytest.approx(2.0 * 900.0 * 0.05 + 0.5)
 
@@ -917,16 +917,7 @@ def test_held_the_force_is_left_as_it_was() -> None:
 
 
 def test_without_switching_a_piston_that_sticks_off_the_reference_is_not_freed() -> None:
-    stiction = {
-        "X_SHAPED": 0.15,
-        "V_SHAPED": 0.0,
-        "A_SHAPED": 0.0,
-        "V": 0.0,
-        "REF_REST_TIME": 0.06,
-        "MOVING_COUNT": 0.0,
-        "LOAD": 0.0,
-    }
-    assert of(asked(off=("SWITCHING",), **stiction)[1], "RELEASE_FORCE") == [0.0]
+    assert of(asked(off=("SWITCHING",), **STICKING)[1], "RELEASE_FORCE") == [0.0]
 
 
 # --- pressures that make the force, and anti-windup

@@ -1,7 +1,5 @@
 """Commissioning: null, delay and gain on a machine that differs from the model, limits, and the watch at standstill."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

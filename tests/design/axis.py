@@ -1,7 +1,5 @@
 """An axis with one valve, of the size of ``fixtures/demo`` (``fixtures/truth.json``), and what tests do with it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

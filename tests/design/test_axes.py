@@ -1,7 +1,5 @@
 """Linear axes, drawn axes, sectors, PDC and the controller's numbers, each against its definition."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The rules that make a controller from a model and requirements, each by itself."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The controller takes what it knows of the effects from the ports where they enter, a user's own included."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

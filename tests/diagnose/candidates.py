@@ -1,7 +1,5 @@
 """Candidates and data of a diagnosis made by hand, without recordings of a rig."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The cases of the selection: read from ``selection_cases.toml``, whose head tells what a case states."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ The fits are linear and exact. Every reading has the same noise, every block of 
 has readings of its own, so that an effect is as many standard errors from its absence as its cost alone makes it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

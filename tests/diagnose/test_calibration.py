@@ -1,7 +1,5 @@
 """How sure an effect is: surer by all that tells it from a stand-in, and among equals no surer than the data are."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is left of a diagnosis after the search: evidence, costs, equals, what moved, and what would have shown."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What no probability outweighs: absence within the interval, a higher error, a time that changes with the horizon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Held out by turns: each recording is judged by what the others say, and what only one shows is not held out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The chance of an effect: by its parameters, or by what it gains on recordings that were held out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """The judgement of an effect: where its evidence, its probability and the hard constraints meet."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Effects that these recordings could not have shown are told, with that reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

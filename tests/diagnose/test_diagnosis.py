@@ -1,7 +1,5 @@
 """The diagnosis as a whole: its verdict, the named effects and their equivalents, probabilities, and what is left."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What stays beside what is named: how large, how slow, over which signal, and which part of all."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """Of candidates that explain the data equally well the simplest one is named, and the others are its equivalents."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from pneucli.diagnose.candidate import Candidate

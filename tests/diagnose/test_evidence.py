@@ -1,7 +1,5 @@
 """Evidence: blocks of correlated residuals feign nothing, families of tests are adjusted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Refits elsewhere: the same states as here, and only where it pays."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Sequence

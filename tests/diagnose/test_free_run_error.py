@@ -1,7 +1,5 @@
 """The error that a user sees: which one speaks, and which part of it goes."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every test that a candidate may fail gives its own reason, and where it ended comes before chance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

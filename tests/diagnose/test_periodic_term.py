@@ -1,7 +1,5 @@
 """What repeats is found with its period, over time or over position; what the comparison makes is not."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, ClassVar
 

@@ -3,8 +3,6 @@
 The rig is the exam's, which shares no code with the program.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """How large an effect is as fitted, over what is plausible."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Effects that take the place of a parameter of the base model: a constant force where all motion has one direction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What recordings cost, those that were fitted and those that were not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

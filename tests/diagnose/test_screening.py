@@ -1,7 +1,5 @@
 """One round of the search: which effects are refitted, and what is decided on each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace

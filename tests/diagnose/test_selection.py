@@ -1,7 +1,5 @@
 """The selection of a set of effects: what it adds, in which order, what it drops again, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

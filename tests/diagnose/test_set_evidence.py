@@ -1,7 +1,5 @@
 """The evidence of visited sets: what raises it, what it costs, and what is named."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What is left over: its size, its shape over a signal, and manoeuvres that would tell more."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laws of one signal: found over their own, on what was left out, beside what the model can do itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Long recordings are thinned to stretches; short ones stay whole."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

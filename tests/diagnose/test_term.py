@@ -1,7 +1,5 @@
 """An effect in its place: what it leaves there, and what is not told from it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

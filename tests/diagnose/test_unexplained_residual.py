@@ -1,7 +1,5 @@
 """Describing what remains: of what it is a function, as what it acts, and where nothing of that can be said."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether an estimate is valid: where it ended, and whether readings at ambient pressure refute a sensor's fault."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

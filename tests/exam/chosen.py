@@ -1,7 +1,5 @@
 """What draws the same every time: then what is drawn can be calculated by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The exam's rig as plain Python, without waiting for a compiler, and laboratories that record for less time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,14 +1,11 @@
 """The rig's ends and valves: contact pushes only, gas and energy are kept, every arrangement moves the piston."""
 
-from __future__ import annotations
-
 import tomllib
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from pneucli.errors import InputError
 from pneucli.exam.cases import draw_variant, generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
@@ -218,14 +215,6 @@ def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_w
     assert sides == {"friction": {1.0}, "axis": {-1.0, 1.0}}
 
 
-def test_a_leak_of_the_cylinder_stays_with_the_cylinder():
-    leaking = Parameters(leak_area=1e-8, laminar_conductance=1e-12, relief_growth=1e-13, piston_leak_area=1e-8)
-    bench = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4).valve_test_rig()
-    assert bench.leak_area == bench.laminar_conductance == bench.relief_growth == bench.piston_leak_area == 0.0
-    alone = Laboratory("rig", leaking, Sensors(), vessel_volume=1e-4, has_cylinder=False).valve_test_rig()
-    assert (alone.leak_area, alone.laminar_conductance, alone.relief_growth) == (1e-8, 1e-12, 1e-13)
-
-
 def test_the_vessel_of_a_valve_test_stands_at_the_valve():
     hosed = Laboratory("rig", Parameters(line_delay_1=1e-3, line_delay_2=2e-3), Sensors(), vessel_volume=1e-4)
     assert [(b.line_delay_1, b.line_delay_2) for b in map(hosed.valve_test_rig, (1, 2))] == 2 * [(0.0, 0.0)]
@@ -247,8 +236,3 @@ def test_a_stroke_that_is_not_exact_keeps_the_volume_at_the_other_end():
         assert stroke == pytest.approx(200.0 if stated is None else 201.0)
         volumes.append(dead + area * stroke / 10)  # cm^3
     assert volumes[0] == pytest.approx(volumes[1])
-
-
-def test_conditions_of_no_common_rig_are_refused():
-    with pytest.raises(InputError, match="one kind of rig"):
-        parse("tank+ends")

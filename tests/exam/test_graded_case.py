@@ -1,7 +1,5 @@
 """Grading: what counts as right, as covered, as within 15 %, and how it is told."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

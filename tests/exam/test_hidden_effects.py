@@ -1,14 +1,10 @@
 """Every effect that an exam may hide changes what is recorded, in proportion to its size, and vanishes at size zero."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
 import pytest
 
-from pneucli.errors import InputError
-from pneucli.exam.cases import generate_case
 from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
 from pneucli.exam.rig.excitations import closed_loop, two_sine_reference, valve_staircase
 from pneucli.exam.rig.parameters import Parameters
@@ -57,14 +53,6 @@ def test_a_third_of_the_size_is_a_third_of_the_way_from_null(effect):
             assert here == pytest.approx(3 * there)
         else:
             assert here - null == pytest.approx((there - null) / 3)
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "says"), [("axis", "stribek", "stribeck"), ("valve", "stribeck", "does not show")]
-)
-def test_an_effect_that_is_unknown_or_invisible_on_the_rig_is_refused(tmp_path, kind, name, says):
-    with pytest.raises(InputError, match=says):
-        generate_case(tmp_path / "case", kind, [name], "", 1.0, 1)
 
 
 def test_where_friction_falls_with_speed_hysteresis_may_lose_no_more_than_the_rise():

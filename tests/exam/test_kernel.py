@@ -1,7 +1,5 @@
 """Every term of the rig's equations by itself, against what a textbook says of it."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

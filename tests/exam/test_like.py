@@ -1,7 +1,5 @@
 """An exam like one's own bench: sizes that fit the rig, manoeuvres that follow the recordings, and the page."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Rigs as others have them: what their pipeline files state, and what their recordings contain."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

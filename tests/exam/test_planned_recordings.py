@@ -1,7 +1,5 @@
 """A plan on the virtual rig: commands from its file, as excitations of each bench."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

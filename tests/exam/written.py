@@ -1,7 +1,5 @@
 """What the recordings of a case hold."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,18 +1,19 @@
 """The exported C is the simulated controller, and behaves as C should."""
 
-from __future__ import annotations
-
 import math
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from benchmarks.robust import FAULTS, commissioned_with, designed_rig
 from pneucli.closed_loop.commissioning import (
+    SHUT,
     STATES,
     added_times,
     commissioned,
@@ -24,11 +25,14 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup
 from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.operation import active_reference, finish_commands
+from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
+from pneucli.exam.rig.parameters import Parameters
 from pneucli.export import export_files
 from pneucli.export.c_translator import c_function
 from pneucli.export.controller_program import checked_prefix
+from pneucli.export.export_files import write_c_source
 from pneucli.messages.compare import Commissioned
 from pneucli.messages.export import PrecisionCost
 from tests.design import axis
@@ -323,3 +327,33 @@ def test_the_minute_passes_through_hold_off_reset_and_a_supply_that_sags(folder:
     assert np.all(table["u1"][:60_000][table["duty"][:60_000] == 2.0] == 0.0)
     reset = int(np.argmax(table["duty"] == 3.0))
     assert table["u1"][reset] == pytest.approx(table["u1"][reset - 1], rel=1e-12)
+
+
+# --- the exported C commissions itself on the exam's rig while something is wrong: it names it and changes nothing
+
+
+BY_ARRANGEMENT = {"valve stuck in its middle", "valve stuck open", "valve reversed", "supply lost"}
+MAX_ERROR = 50e-6  # m, once the fault is gone
+
+
+@cache
+def rig(condition: str) -> tuple[Parameters, Controller]:
+    return designed_rig(3, condition)
+
+
+OTHERS = [(name, condition) for name in sorted(BY_ARRANGEMENT) for condition in ("5/3", "two-valves")]
+
+
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [*((name, "usual") for name in FAULTS), *(pytest.param(*one, marks=[pytest.mark.slow]) for one in OTHERS)],
+)
+def test_a_fault_is_named_within_the_limits_and_the_gains_stay(name: str, condition: str, tmp_path: Path) -> None:
+    par, made = rig(condition)
+    write_c_source(tmp_path, made, "faults")
+    found = commissioned_with(FAULTS[name], par, made, tmp_path)
+    assert found.state in FAULTS[name].states
+    assert found.unchanged == (found.state in SHUT)
+    assert found.travel < 1.0
+    assert found.pressure < 1.0
+    assert found.error < MAX_ERROR

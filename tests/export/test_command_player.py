@@ -1,7 +1,5 @@
 """The exported player gives the planned commands, starts softly, and shuts the valve where a limit is exceeded."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 import shutil

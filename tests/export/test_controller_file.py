@@ -1,7 +1,5 @@
 """The controller as a file: what it carries, and that it is read back as what was exported or not at all."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The exported FMU is the simulated plant, and behaves as FMI 3.0 asks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

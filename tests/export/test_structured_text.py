@@ -1,7 +1,5 @@
 """The structured text: its grammar, its numbers, and, where a compiler for it is installed, its commands."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

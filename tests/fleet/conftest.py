@@ -1,7 +1,5 @@
 """Keys of the local S3-like store: there before the first process is forked, since workers have its environment."""
 
-from __future__ import annotations
-
 import os
 from functools import partial
 

@@ -1,7 +1,5 @@
 """What became of a recording at the front door: right, marked, told, or refused; or wrong in silence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

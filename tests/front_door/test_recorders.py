@@ -1,7 +1,5 @@
 """Texts as recorders write them by their makers' documentation: a tank behind a valve, read without a line by hand."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Each arrangement of the valves is identified from its own recordings: paths of both chambers, the null command."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

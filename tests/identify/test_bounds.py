@@ -1,7 +1,5 @@
 """Bounds are as wide as what people have, and as the limits that textbooks use."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The gas of one chamber: its balance, and what more flow does to the pressure, against the simulation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

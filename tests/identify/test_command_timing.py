@@ -1,7 +1,5 @@
 """Commands between two samples: held, or changed by a loop that is faster than the logger."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What data say of parameters together, how a fit goes, and how much each channel counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

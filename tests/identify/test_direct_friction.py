@@ -1,7 +1,5 @@
 """Friction from the balance of forces, without a simulation, against the exam's rig; and fits that start from it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A piston that rests against its ends most of the time: the end carries it, not friction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fit: what it minimises, its intervals, its blocks, and how a part of it is joined to the rest."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

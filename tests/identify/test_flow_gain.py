@@ -1,7 +1,5 @@
 """What an error of the flow becomes in the pressures: checked against commands that are off by so much."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

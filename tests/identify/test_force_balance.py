@@ -1,7 +1,5 @@
 """The balance of forces: what motion and pressures leave over, at rest and in motion, and how sure that is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

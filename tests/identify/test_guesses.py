@@ -1,7 +1,5 @@
 """First guesses by linear least squares, restarts and what a start's error becomes, and where rests end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """The bore of a hose: found where its volume and inertia show, and left out where the flow is only late."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Intervals where the model misses something that is a function of a signal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Leaks as people state them, against numbers worked out by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The optimiser on nonlinear problems whose solution NIST certifies to eleven digits, from both of its starts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A driven piston without any sensor of pressure: command and position alone, the pressures are the model's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Starts and restarts of a fit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

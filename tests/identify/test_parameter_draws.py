@@ -1,7 +1,5 @@
 """Parameters drawn from the uncertainty of a fit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

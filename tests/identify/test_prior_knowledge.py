@@ -1,7 +1,5 @@
 """What is known of parameters beforehand: fixed, bounded, started, or held by a prior."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

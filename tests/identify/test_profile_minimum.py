@@ -1,7 +1,5 @@
 """A time that an effect is: its cost has several minima, and the fit must end in the lowest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

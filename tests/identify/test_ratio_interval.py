@@ -1,7 +1,5 @@
 """The interval of a parameter that acts as a product with another one (Fieller, 1954)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A flow that was recorded tells area and volume apart, of which pressure alone tells the ratio."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

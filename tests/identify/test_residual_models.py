@@ -1,7 +1,5 @@
 """What the views leave over of a true model: noise, also at break-aways, behind a lag and after each restart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 The spring is in no description of the rig, so that it presses a piston onto its stop against what the pressures say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Sizes follow from the rig: what is scaled by dimension is sized and fitted alike, and found on rigs of any size."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

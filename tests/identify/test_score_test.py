@@ -1,7 +1,5 @@
 """Coordinates of a fit, starts of an effect, what its signature promises, and how it is added."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A sensor of the gas temperature, which may be slow. The exam's rig records it and shares no code with the model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

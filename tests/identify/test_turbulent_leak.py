@@ -1,7 +1,5 @@
 """The turbulence of a leak: found where the decay shows it, and left out where the flow is laminar."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings to identify friction from: fixtures, shared cases, and runs of the exam's rig (not our simulator)."""
 
-from __future__ import annotations
-
 import json
 import os
 import tomllib

@@ -1,7 +1,5 @@
 """Fitted friction parameters: against what was set on the fixtures and cases, and whether the intervals hold."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion that a machine imposes: kinetic friction per recording, and a force that is compared."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.io import loadmat

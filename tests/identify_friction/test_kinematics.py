@@ -1,7 +1,5 @@
 """Velocity without drift and friction force, from every set of sensors, against the true signals of the exam's rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

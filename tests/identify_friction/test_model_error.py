@@ -1,7 +1,5 @@
 """The small simulator that drives each friction model, against closed solutions; and tables 6.2 and 6.3 in kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

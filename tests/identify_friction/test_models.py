@@ -1,7 +1,5 @@
 """Models A to F: the smoothed sign, the TP models and their grid, and what direct models make of noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

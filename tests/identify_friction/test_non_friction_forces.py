@@ -3,8 +3,6 @@
 The recordings are runs of the exam's rig, whose equations are its own; what is set there is told to the model here.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The pieces of the identification of friction, each by hand: curves, laws, averages, velocities, levels."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Single stick-slips cut out and averaged, against the true motion of the exam's rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

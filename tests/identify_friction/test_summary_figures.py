@@ -1,7 +1,5 @@
 """What people look up of friction, on motions whose answer is written down beforehand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """Warnings about identified friction, and the parameters that they rest on."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

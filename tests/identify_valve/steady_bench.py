@@ -1,7 +1,5 @@
 """A steady flow bench that knows ISO 6358 and nothing of the program: rows of flow, written as a laboratory does."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

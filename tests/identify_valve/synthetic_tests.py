@@ -1,7 +1,5 @@
 """Valve tests of a valve of known law, simulated apart from the package's own equations; and the fit before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -3,8 +3,6 @@
 The trend is a toy with a formula of its own; that of the model is tested with the identification as a whole.
 """
 
-from __future__ import annotations
-
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace

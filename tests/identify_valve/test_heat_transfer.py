@@ -1,7 +1,5 @@
 """A vessel that exchanges heat with its wall: what is measured then depends on what went before."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """A valve of known law, read from charge and discharge curves: its map, the inverse, and their honesty."""
 
-from __future__ import annotations
-
 import json
 import os
 import tomllib

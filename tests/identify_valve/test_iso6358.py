@@ -1,7 +1,5 @@
 """ISO characteristics piece by piece: which interval holds, what a curve tells of b and m, and whose command it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

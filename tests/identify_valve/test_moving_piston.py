@@ -1,7 +1,5 @@
 """The map of a valve that filled no vessel: the model's own, fitted to a driven piston, with raw commands."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

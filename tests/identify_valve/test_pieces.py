@@ -1,7 +1,5 @@
 """Coverage, lack of fit, nodes, curves and the trend's memory, each by itself, in round numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A play of the valve: a model without it takes the play for overlap, and must give it back."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """C, b, m and the cracking pressure of a steady bench, against rows that another simulation made."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

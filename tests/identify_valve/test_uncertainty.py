@@ -1,7 +1,5 @@
 """Uncertainty budgets by the GUM: contributions that a reader can check by hand, and a Monte Carlo of the inputs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

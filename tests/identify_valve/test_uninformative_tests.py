@@ -1,7 +1,5 @@
 """Valve tests that tell little: whatever they are, the answer has finite numbers, and says where it knows nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One law for all formats: the same rows, written in every one, give the same signals and the same repairs."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from pathlib import Path

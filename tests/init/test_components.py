@@ -1,7 +1,5 @@
 """Cylinders and valves by part number."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

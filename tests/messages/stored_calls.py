@@ -3,8 +3,6 @@
 ``python -m tests.messages.stored_calls`` stores what is said now.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import make_dataclass

@@ -1,7 +1,5 @@
 """No LaTeX reaches a terminal."""
 
-from __future__ import annotations
-
 import pytest
 
 from pneucli.cli.commands.effects import plain_equation

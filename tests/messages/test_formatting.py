@@ -1,7 +1,5 @@
 """Numbers as people read them: their units, and the digits that the interval supports."""
 
-from __future__ import annotations
-
 import math
 import re
 

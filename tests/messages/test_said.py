@@ -1,7 +1,5 @@
 """Every sentence of every command is as stored, and findings, reasons and manoeuvres have one each."""
 
-from __future__ import annotations
-
 import ast
 import html
 import json

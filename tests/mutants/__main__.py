@@ -1,7 +1,5 @@
 """``python -m tests.mutants``: put faults into a sample of the code and say which ones the unit tests do not notice."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -4,8 +4,6 @@ What several tests share, such as a fixture of their module, is counted by itsel
 them, and each of them alone would have to make it first.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import time

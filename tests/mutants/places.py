@@ -1,7 +1,5 @@
 """Every place where the code can be mutated, and its mutants; the faults are those of mutmut's operators."""
 
-from __future__ import annotations
-
 import difflib
 import random
 import re

@@ -1,7 +1,5 @@
 """What became of the mutants: scores by package, and the survivors with their reasons."""
 
-from __future__ import annotations
-
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence

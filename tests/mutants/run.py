@@ -1,7 +1,5 @@
 """Mutants against tests: which tests run a line, each mutant in a copy of the tree, two at a time."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import multiprocessing

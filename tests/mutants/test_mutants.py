@@ -1,7 +1,5 @@
 """The mutants themselves: seeded, meaningful, tried against the right tests, and never left behind."""
 
-from __future__ import annotations
-
 import ast
 import random
 from pathlib import Path
@@ -12,8 +10,6 @@ from tests.mutants.places import Mutant, places, sample, shares
 from tests.mutants.run import BUDGET, ROOT, Contexts, mutated
 
 SOURCE = '''"""Words."""
-
-from __future__ import annotations
 
 LIMIT = 3.0
 Array = list[float]

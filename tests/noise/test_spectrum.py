@@ -1,7 +1,5 @@
 """The noise floor's spectrum, lines and steps, separately."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

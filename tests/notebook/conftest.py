@@ -1,7 +1,5 @@
 """Two small runs: a valve test, and a cylinder without effects, both of the virtual rig."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

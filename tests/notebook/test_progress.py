@@ -1,7 +1,5 @@
 """How far a work is: one line that is redrawn on a terminal, a line every half minute in a log."""
 
-from __future__ import annotations
-
 import io
 import sys
 import time

@@ -1,19 +1,23 @@
 """What a notebook sees of a run: the artifacts, as they are, with units; the valve; the model to be asked."""
 
-from __future__ import annotations
-
 import json
+import re
 import shutil
 import subprocess
 import sys
+import urllib.error
+import urllib.request
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
 import pneucli
+from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
 from pneucli.notebook import run
+from tests.notebook.conftest import FIXTURES
 
 
 @pytest.mark.parametrize(
@@ -140,3 +144,75 @@ def test_names_in_an_overview_are_escaped() -> None:
 
 def test_an_empty_folder_has_an_overview(tmp_path: Path) -> None:
     assert "none has run" in run.as_text("Run", run.run_overview(tmp_path))
+
+
+# --- the workbench from a notebook: a frame, guarded as from the command line, and ended by hand
+
+
+pytest.importorskip("aiohttp")
+
+
+def status(address: str) -> int:
+    try:
+        with urllib.request.urlopen(address, timeout=10) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        error.close()
+        return error.code
+
+
+def test_a_run_is_shown_in_a_frame_until_it_is_closed(axis: pneucli.Run) -> None:
+    page = axis.workbench()
+    assert page.address in page._repr_html_()
+    assert status(page.address) == 200
+    assert status(page.address[:-1]) == 403
+    page.close()
+    with pytest.raises(urllib.error.URLError):
+        status(page.address)
+
+
+def test_a_folder_of_artifacts_has_nothing_to_change(axis: pneucli.Run) -> None:
+    axis.bring_up("compare")
+    with pytest.raises(InputError, match="artifacts alone"):
+        pneucli.open(axis.artifacts).workbench()
+
+
+# --- the examples of the documentation run, and so does the notebook
+
+
+DOCS = FIXTURES.parent / "docs"
+
+
+def test_every_example_of_the_page_runs(
+    axis: pneucli.Run, valve: pneucli.Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for one in (axis, valve):
+        one.bring_up("compare", "diagnose")
+    shutil.copytree(axis.artifacts, tmp_path / "artifacts" / "axis-7")
+    shutil.copytree(FIXTURES / "valve_null", tmp_path, dirs_exist_ok=True)
+    (tmp_path / "pipeline.toml").rename(tmp_path / "valve-3.toml")
+    shutil.copytree(valve.artifacts, tmp_path / "artifacts" / "valve_null")
+    monkeypatch.chdir(tmp_path)
+    examples = re.findall(r"```python\n(.*?)```", (DOCS / "results.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert len(examples) >= 10
+    names: dict[str, object] = {}
+    with mpl.rc_context():
+        for example in examples:
+            exec(compile(example, f"docs/results.md: {example.splitlines()[0]}", "exec"), names)
+    assert names["found"].verdict == "adequate"  # type: ignore[attr-defined]
+    assert (tmp_path / "correlation.png").is_file()
+
+
+def test_the_notebook_runs_from_beginning_to_end(tmp_path: Path) -> None:
+    nbformat = pytest.importorskip("nbformat", reason="no nbformat (extra dev)")
+    nbclient = pytest.importorskip("nbclient", reason="no nbclient (extra dev)")
+    shutil.copytree(FIXTURES / "valve_null", tmp_path / "fixtures" / "valve_null")
+    (tmp_path / "docs").mkdir()
+    notebook = nbformat.read(DOCS / "notebook.ipynb", as_version=4)
+    assert all(not cell.get("outputs") for cell in notebook.cells)  # the repository holds what was asked, not answers
+    done = nbclient.NotebookClient(
+        notebook, timeout=120, resources={"metadata": {"path": str(tmp_path / "docs")}}
+    ).execute()
+    outputs = [output for cell in done.cells for output in cell.get("outputs", [])]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    assert "Nothing is missing" in "".join(output.get("text", "") for output in outputs)

@@ -2,8 +2,6 @@
 but where physics makes one an exception.
 """
 
-from __future__ import annotations
-
 import inspect
 import itertools
 import math

@@ -3,8 +3,6 @@
 A script, since it forks, and a test process has threads: ``python -m tests.pipeline.killed FOLDER``.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

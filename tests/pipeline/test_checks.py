@@ -1,7 +1,5 @@
 """Checks are dotted paths into answers, with limits."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

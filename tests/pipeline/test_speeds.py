@@ -1,7 +1,5 @@
 """Before a stage begins: what it has before it, and about how long it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

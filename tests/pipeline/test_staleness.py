@@ -1,7 +1,5 @@
 """A run does what is out of date, nothing else, and says why."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

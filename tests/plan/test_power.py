@@ -1,7 +1,5 @@
 """Power: what else may explain an effect is projected out, recordings add, and what was known before is no merit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -10,14 +8,26 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
-from pneucli.plan.bench import described_benches
+from pneucli.plan.bench import described_benches, recorded_benches
 from pneucli.plan.first import typical_model
 from pneucli.plan.limits import limits_of
 from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.power import Deviation, Expectation, detection_power, deviations_of, power_table, prior_information
+from pneucli.plan.rivals import (
+    DECIDED_PROBABILITY,
+    MAX_RIVALS,
+    MIN_PRIOR_ODDS,
+    MIN_SEPARATION,
+    most_discriminating_manoeuvre,
+    refused_effects,
+    rivals_of_diagnosis,
+)
 from pneucli.recording import Rig
+from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, with_effect
+from tests.simulate.synthetic_experiments import held_commands, make_experiment, model, time_grid
 
 RIG = Rig(supply_pressure=7e5, ambient_pressure=1e5, vessel_volume=160e-6)
 EFFECTS = catalogue()
@@ -121,3 +131,105 @@ def test_a_recording_of_the_vessel_shows_a_leak_in_its_pressure_and_less_of_it_b
         seen.information[0, 0] / Deviation(5.0, 0.1).divisor(bench.period) ** 2
     )
     assert unsure.differences == {}
+
+
+# --- the manoeuvre in which two models differ most, in units of the sensors' noise
+
+
+TIME = time_grid(2.0)
+NOISE = {"p1": NoiseModel(500.0), "p2": NoiseModel(500.0), "x": NoiseModel(1e-5)}
+
+
+def experiments(kind: str, **signals) -> list[Experiment]:
+    return [replace(make_experiment(kind, TIME, signals), noise=NOISE)]
+
+
+DRIVEN = experiments("axis", u=held_commands(TIME, [4.0, -4.0], 1.0))
+PUSHED = experiments("friction", p1=3e5)
+
+
+def test_equal_models_are_not_separated():
+    assert most_discriminating_manoeuvre(model(), model(), DRIVEN) is None
+
+
+def test_a_leak_shows_within_the_commands_that_were_recorded():
+    leak = model(["chamber-leak"], {"chamber-leak.area": 2e-8})
+    found = most_discriminating_manoeuvre(model(), leak, DRIVEN)
+    assert found is not None
+    assert found.times_noise > MIN_SEPARATION
+    assert found.channel in ("p1", "x")
+
+
+def test_friction_that_grows_with_pressure_shows_on_a_bench_with_a_drive_of_its_own():
+    grown = model(["pressure-friction"], {"pressure-friction.gain": 0.1})
+    found = most_discriminating_manoeuvre(model(), grown, PUSHED)
+    assert found is not None
+    assert found.manoeuvre.bench.drive == "motion"
+    assert found.channel == "p1"  # the motion is given, so the pressure that it needs differs
+
+
+def test_a_difference_below_the_noise_is_not_called_a_separation():
+    leak = model(["chamber-leak"], {"chamber-leak.area": 1e-13})
+    assert most_discriminating_manoeuvre(model(), leak, DRIVEN) is None
+
+
+def test_a_bench_whose_valve_was_shut_by_hand_takes_no_command():
+    shut = [replace(e, recording=replace(e.recording, valve_shut=True)) for e in DRIVEN]
+    assert recorded_benches(shut) == []
+
+
+# --- rivals: what a diagnosis names with doubt, does not tell from a name, or refused for want of better recordings
+
+
+def entry(effect: str, reason: str, confidence: float = 0.003, **properties: Any) -> dict[str, Any]:
+    known = {"effect": effect, "reason": reason, "confidence_alone": confidence, "supported": False}
+    return known | {"parameters": {"size": {"value": 1.0}}} | properties
+
+
+def test_refused_effects_that_better_recordings_may_show_are_in_question_the_most_probable_first() -> None:
+    found = refused_effects(
+        [
+            entry("a leak", "vanishes"),
+            entry("a lag", "not-significant"),
+            entry("a scale", "raises-error", 0.5),
+            entry("a mass", "at-bound", 0.4),
+            entry("an offset", "contradicted-by-reading", 0.4),
+            entry("a cushion", "not-promising", parameters={}),
+            entry("a droop", "supported", 0.9, supported=True),
+        ]
+    )
+    assert found == [(pytest.approx(1.0), "a scale"), (MIN_PRIOR_ODDS, "a lag"), (MIN_PRIOR_ODDS, "a leak")]
+
+
+def named(effect: str, confidence: float, *equivalents: str) -> dict[str, Any]:
+    known = {"confidence": confidence, "indistinguishable_from": list(equivalents), "supported": True}
+    return entry(effect, "supported", confidence) | known
+
+
+def answer(*candidates: dict[str, Any]) -> dict[str, Any]:
+    missing = [c["effect"] for c in candidates if c["supported"]]
+    return {"missing": missing, "candidates": list(candidates)}
+
+
+def test_a_named_effect_is_in_question_as_far_as_it_is_doubtful_and_its_equivalents_with_it() -> None:
+    others = entry("mass", "needless", 0.2), entry("droop", "needless", 0.6)
+    told = answer(named("leak", 0.6, "droop"), named("lag", DECIDED_PROBABILITY), *others)
+    found = rivals_of_diagnosis(told, ["leak", "lag"])
+    assert [r.name for r in found] == ["droop in place of leak", "without leak", "mass"]
+    assert [r.own_probability for r in found] == [0.6, pytest.approx(0.4), 0.2]
+
+
+def test_the_most_probable_rivals_are_kept() -> None:
+    many = [entry(f"effect {i}", "needless", 0.01 * i) for i in range(10, 30)]
+    assert [r.effect for r in rivals_of_diagnosis(answer(*many), [])] == [f"effect {i}" for i in range(29, 21, -1)]
+    assert MAX_RIVALS == 8
+
+
+def test_effects_that_are_asked_for_are_in_question_whatever_the_diagnosis_says() -> None:
+    told = answer(named("leak", 0.99), entry("mass", "at-bound", 0.2), entry("lag", "needless", 0.3))
+    found = rivals_of_diagnosis(told, ["leak"], ["leak", "mass", "spring"])
+    assert [(r.effect, r.present, r.probability) for r in found] == [
+        ("leak", False, 0.99),
+        ("mass", True, 0.2),
+        ("spring", True, None),
+    ]

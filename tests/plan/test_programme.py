@@ -1,17 +1,16 @@
 """The draw: varied within the machine time, safe manoeuvres only, the same for the same seed, some held out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from pneucli.plan.bench import described_benches
-from pneucli.plan.limits import limits_of
-from pneucli.plan.manoeuvre import Manoeuvre, hold
+from pneucli.plan.limits import Limits, limits_of, violations
+from pneucli.plan.manoeuvre import Manoeuvre, Outcome, duration_of, hold, ramp, sample, sine
 from pneucli.plan.manoeuvres import candidate_manoeuvres, cost_of, draw_programme, manual_manoeuvres
 from pneucli.recording import Rig
 
@@ -99,3 +98,81 @@ def test_recordings_of_one_setup_follow_each_other_those_by_hand_last_and_fitted
     last = [m for m in programme if m.bench.drive == "position"][-2:]
     assert [(m.kind, m.use) for m in last] == [("known-force", "train")] * 2
     assert sum(map(cost_of, programme)) <= 300.0
+
+
+# --- commands as segments: values at their ends, the rise of a sine, sampling across segments
+
+
+def test_a_sine_begins_and_ends_at_its_centre_without_a_jump():
+    wave = sine(0.1, 0.02, 2.0, 5.0)
+    values = sample((wave,), 1e-3)
+    assert values[0] == 0.1
+    assert abs(values[-1] - 0.1) < 1e-4
+    assert np.abs(np.diff(values)).max() <= 0.02 * 2.0 * np.pi * 2.0 * 1e-3 * 1.05
+
+
+def test_a_sine_reaches_its_amplitude_after_one_period():
+    wave = sine(0.0, 1.0, 2.0, 5.0)
+    assert wave.rise == 0.5
+    assert np.abs(sample((wave,), 1e-3)[500:4500]).max() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_segments_follow_each_other_at_their_times():
+    profile = (hold(1.0, 0.5), ramp(1.0, 3.0, 1.0), hold(3.0, 0.25))
+    values = sample(profile, 0.25)
+    assert duration_of(profile) == 1.75
+    assert values.tolist() == [1.0, 1.0, 1.0, 1.5, 2.0, 2.5, 3.0]
+
+
+# --- limits of a rig: defaults, stated ones, and what exceeds them
+
+
+LIMITS_RIG = Rig(supply_pressure=7e5, ambient_pressure=1e5, piston_area_1=8e-4, stroke=0.2, moving_mass=2.0)
+REST = Outcome(
+    np.arange(3.0),
+    {},
+    p1=np.full(3, 3e5),
+    p2=np.full(3, 3e5),
+    x=np.full(3, 0.1),
+    v=np.zeros(3),
+)
+
+
+def test_limits_follow_from_the_rig_where_the_file_states_none():
+    limits = limits_of(LIMITS_RIG, described_benches(LIMITS_RIG))
+    assert limits.position == pytest.approx((0.01, 0.19))
+    assert limits.max_pressure == pytest.approx(1.15 * 7e5)
+    assert limits.max_force == pytest.approx(1.1 * 6e5 * 8e-4)
+
+
+def test_stated_limits_replace_the_defaults():
+    limits = limits_of(
+        LIMITS_RIG, described_benches(LIMITS_RIG), {"end_margin": 0.05, "max_speed": 0.2, "max_air": 1e-3}
+    )
+    assert limits.position == pytest.approx((0.05, 0.15))
+    assert limits.max_speed == 0.2
+    assert limits.max_air == pytest.approx(1.185e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "quantity"),
+    [
+        ({"x": np.array([0.1, 0.195, 0.1])}, "x"),
+        ({"x": np.array([0.1, 0.004, 0.1])}, "x"),
+        ({"v": np.array([0.0, -1.7, 0.0])}, "v"),
+        ({"p1": np.array([3e5, 9e5, 3e5])}, "p1"),
+        ({"p2": np.array([3e5, 9e5, 3e5])}, "p2"),
+        ({"p1": np.array([3e5, 7.9e5, 3e5]), "p2": np.full(3, 1e5)}, "force"),
+        ({"p1": np.array([3e5, np.nan, 3e5])}, "p1"),
+        ({"air": 1.0}, "air"),
+    ],
+)
+def test_each_limit_is_checked(change: dict, quantity: str):
+    limits = replace(limits_of(LIMITS_RIG, described_benches(LIMITS_RIG)), max_air=0.5)
+    assert violations(REST, limits, LIMITS_RIG) == []
+    assert quantity in {v.quantity for v in violations(replace(REST, **change), limits, LIMITS_RIG)}
+
+
+def test_a_pressure_that_no_bench_can_make_is_refused():
+    impossible = replace(REST, p1=np.array([3e5, 0.5e5, 3e5]), lowest_pressure=0.97e5)
+    assert [v.quantity for v in violations(impossible, Limits(), LIMITS_RIG)] == ["p1"]

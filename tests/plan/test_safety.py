@@ -1,7 +1,5 @@
 """A manoeuvre is refused where any model exceeds a limit or the reserve before it, and the refusal names the model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace

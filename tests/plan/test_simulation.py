@@ -1,7 +1,5 @@
 """Manoeuvres as models predict them: on a vessel, under a position loop, on a bench with its own drive."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,16 +1,22 @@
 """One check at a time, on a recording that is implausible in nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from pneucli.noise import NoiseModel
 from pneucli.plausibility import findings
+from pneucli.plausibility.blocks import Blocks, fit_linear, resolved_blocks
+from pneucli.plausibility.detectors.forces import ClosedChamber
+from pneucli.plausibility.rig_check import RigCheck, is_inactive
 from pneucli.recording import Calibration, Recording, Rig
+
+from .worlds import FIXTURES, SHARED, at_rate, read, world_pipelines
 
 T = np.arange(4000) * 1e-3
 RNG = np.random.default_rng(0)
@@ -361,3 +367,149 @@ def test_gas_on_a_steady_bench_flows_toward_the_lower_pressure() -> None:
     assert seen(steady_bench(upstream, downstream, valve)) == {}
     assert list(seen(steady_bench(downstream, upstream, valve))) == [("flow-direction", "flow")]
     assert seen(steady_bench(downstream, upstream, valve[::-1])) == {}
+
+
+# --- the law of a closed chamber: an offset of its pressure is found, a late pressure is not taken for one
+
+
+PERIOD, KAPPA = 5e-3, 1.4
+TIME = PERIOD * np.arange(1300)
+
+
+def chamber(frequency: float, late: float = 0.0, offset: float = 0.0) -> ClosedChamber:
+    """Return air that is squeezed isentropically by a sine, and read late (s) and with an offset (Pa)."""
+
+    def volume(time: np.ndarray) -> np.ndarray:
+        return 1.2e-4 * (1.0 + 0.25 * np.sin(2 * np.pi * frequency * time))
+
+    noise = 50.0 * np.random.default_rng(1).standard_normal(TIME.size)
+    p = 3e5 * (1.2e-4 / volume(TIME - late)) ** KAPPA + offset + noise
+    lasts = np.full(TIME.size - 1, PERIOD)
+    return ClosedChamber(-np.diff(np.log(volume(TIME))), np.diff(p), 0.5 * (p[1:] + p[:-1]), (lasts, lasts**0.5))
+
+
+def test_ambient_pressure_that_is_counted_twice_is_found() -> None:
+    offset, error = chamber(0.5, offset=1e5).offset(KAPPA)
+    assert offset == pytest.approx(-1e5, rel=0.05)
+    assert error < 0.05 * abs(offset)
+    assert abs(chamber(0.5).offset(KAPPA)[0]) < 5e3
+
+
+def test_a_pressure_that_is_late_in_a_fast_motion_is_no_offset() -> None:
+    assert chamber(8.0, late=0.02).offset(KAPPA) == (0.0, 1.0)
+
+
+# --- no guard contradicts a true recording, at any rate of logging; see also ``python -m benchmarks.guards``
+
+
+WORLDS = {world: paths for world, paths in world_pipelines().items() if world != "fixtures"}
+EVERY = 6  # of each world; the others in "make test-all", and in benchmarks.guards
+PATHS = [
+    pytest.param(path, id=f"{path.parent.name}-{path.stem}", marks=[pytest.mark.slow] if number % EVERY else [])
+    for paths in WORLDS.values()
+    for number, path in enumerate(paths)
+]
+SMALL = [path for path in FIXTURES if path.parent.name != "demo"]
+fixture = cache(read)  # each at several rates
+
+
+@pytest.mark.parametrize("path", FIXTURES, ids=lambda path: path.parent.name)
+def test_nothing_is_found_in_the_fixtures(path: Path) -> None:
+    assert fixture(path).alarms() == {}
+
+
+@pytest.mark.parametrize("rate", [100.0, 3e3])
+@pytest.mark.parametrize("path", SMALL, ids=lambda path: path.parent.name)
+def test_nothing_is_found_in_the_fixtures_at_another_rate(path: Path, rate: float) -> None:
+    assert at_rate(fixture(path), rate).alarms() == {}
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the worlds of others are not here (PNEUCLI_SHARED)")
+@pytest.mark.parametrize("path", PATHS)
+def test_nothing_is_contradicted_in_the_worlds_of_others(path: Path) -> None:
+    """As recorded, and at 100 Hz; a doubt is allowed."""
+    bench = read(path)
+    for one in (bench, at_rate(bench, 100.0)):
+        assert not [check for check, weight in one.alarms() if weight == "contradiction"]
+
+
+# --- slopes and curvatures of blocks, lines through them, and whether a signal rests
+
+
+BLOCKS_T = np.cumsum(RNG.uniform(0.8e-3, 1.2e-3, 3000))
+
+
+def blocks_recorded(noise: float = 1e-6, **signals: np.ndarray) -> Recording:
+    return Recording("one", "friction", "train", BLOCKS_T, signals, dict.fromkeys(signals, NoiseModel(noise)))
+
+
+def test_a_parabola_has_its_slopes_and_curvature_whatever_the_clock() -> None:
+    cut = Blocks.cut(blocks_recorded(x=0.1 + 0.2 * BLOCKS_T + 0.3 * BLOCKS_T**2), "x", 12)
+    assert cut.curvature("x") == pytest.approx(np.full(250, 0.6))
+    line = Blocks.cut(blocks_recorded(x=0.1 + 0.2 * BLOCKS_T), "x", 12)
+    assert line.slope("x") == pytest.approx(np.full(250, 0.2))
+
+
+def test_acceleration_is_weighed_as_the_curvature_of_the_position_weighs_it() -> None:
+    """Over a third of a period, where the plain mean is 5 % off the curvature."""
+    cut = Blocks.cut(blocks_recorded(x=np.sin(9 * BLOCKS_T), a=-81 * np.sin(9 * BLOCKS_T)), "x", 240)
+    derived = cut.curvature("x")
+    assert np.abs(cut.mean("a", 2) - derived).max() < 0.02 * np.abs(derived).max()
+    assert np.abs(cut.mean("a") - derived).max() > 0.05 * np.abs(derived).max()
+
+
+def test_blocks_are_as_short_as_the_noise_allows() -> None:
+    x = 0.1 * np.sin(6 * BLOCKS_T)
+    widths = [
+        resolved_blocks(blocks_recorded(noise, x=x + noise * RNG.standard_normal(BLOCKS_T.size)), "x", 2)
+        for noise in (1e-7, 1e-4)
+    ]
+    assert [cut and cut.width for cut in widths] == [6, 48]
+
+
+def test_blocks_are_cut_once_for_all_checks() -> None:
+    one = blocks_recorded(x=0.1 * np.sin(6 * BLOCKS_T))
+    check = RigCheck([one], Rig(), {})
+    assert check.blocks(one, "x", 2) is check.blocks(one, "x", 2)
+    assert check.blocks(one, "x", 2) is not check.blocks(one, "x", 1)
+
+
+def test_what_does_not_stand_clear_of_its_noise_has_no_blocks() -> None:
+    assert resolved_blocks(blocks_recorded(x=1e-6 * RNG.standard_normal(BLOCKS_T.size)), "x", 2) is None
+    assert resolved_blocks(blocks_recorded(x=np.full(BLOCKS_T.size, 0.1)), "x", 1) is None
+
+
+def test_a_block_with_a_gap_is_left_out() -> None:
+    late = Recording("one", "friction", "train", np.where(BLOCKS_T < 1.0, BLOCKS_T, BLOCKS_T + 9.0), {"x": BLOCKS_T})
+    assert Blocks.cut(late, "x", 12).half_duration.max() < 0.01
+
+
+def test_errors_of_a_line_hold_where_what_is_left_over_is_coloured() -> None:
+    x = np.sin(0.01 * np.arange(4000))
+    off = []
+    for _ in range(100):
+        coloured = lfilter([0.2], [1.0, -0.98], RNG.standard_normal(4000))
+        line = fit_linear([x, np.ones_like(x)], 3.0 * x + coloured)
+        assert line is not None
+        off.append((line.factors[0] - 3.0) / line.errors[0])
+    assert 0.5 < np.std(off) < 1.7
+
+
+def test_too_few_values_give_no_line() -> None:
+    assert fit_linear([np.ones(15)], np.ones(15)) is None
+
+
+@pytest.mark.parametrize(
+    ("values", "still"),
+    [
+        (np.full(1000, 0.1), True),
+        (RNG.standard_normal(1000), True),
+        (RNG.standard_normal(1000) + 1e-3 * np.arange(1000), False),
+        (np.sin(0.01 * np.arange(1000)), False),
+        (np.where(RNG.random(1000) < 0.5, np.nan, np.sin(np.arange(1000) / 50)), False),
+        (np.full(5, 0.1), False),  # too few to tell
+    ],
+)
+def test_constants_and_white_noise_rest(values: np.ndarray, still: bool) -> None:
+    assert is_inactive(values) is still

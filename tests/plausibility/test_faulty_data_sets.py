@@ -1,7 +1,5 @@
 """False data sets are found out, and good ones are left alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

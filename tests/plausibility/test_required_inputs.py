@@ -1,7 +1,5 @@
 """What recordings need of the rig: nothing that acts counts as zero because nobody stated it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

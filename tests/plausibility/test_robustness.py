@@ -1,7 +1,5 @@
 """Whatever was recorded, it can be looked at: no exception, and no warning of numpy's."""
 
-from __future__ import annotations
-
 from typing import Any, get_args
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a signal looks like, and what is missing of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Nothing in these worlds is stated falsely: what a guard contradicts in them is a false alarm.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections import Counter

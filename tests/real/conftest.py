@@ -1,7 +1,5 @@
 """Real recordings, found through PNEUCLI_DATA or in ../shared/real beside the repository."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from functools import cache

@@ -3,8 +3,6 @@
 Real rigs have more than one effect, so the verdict beside a name may well be ``unexplained``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """EMPS against what its authors published (Janot, Gautier, Brunot, 2019): parameters, and 100 |F - model| / |F|."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Seals on a bench that imposes the motion (TU Delft 2021)."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.real.conftest import Answers

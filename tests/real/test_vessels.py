@@ -1,7 +1,5 @@
 """Vessels that leak, or are discharged: pressure decay of printed chambers, and HydDown's validation case."""
 
-from __future__ import annotations
-
 from math import pi
 from typing import Any
 

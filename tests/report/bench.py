@@ -1,7 +1,5 @@
 """What a report is made of, by hand: small tables in the layout of the artifacts, all numbers invented."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Design, closed loop and Monte Carlo study by hand, in the layout of the artifacts; all numbers invented."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

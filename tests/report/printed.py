@@ -1,7 +1,5 @@
 """A page as lines of text: its words, tables, captions, and of each curve the smallest and the largest value."""
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Iterator

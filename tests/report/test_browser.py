@@ -1,7 +1,5 @@
 """The page in a real browser, on a desk and on a telephone: it renders, zooms, and logs no error."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from pathlib import Path

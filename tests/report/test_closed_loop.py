@@ -1,7 +1,5 @@
 """Closed loop and robustness: the figures of both controllers side by side, the harmful effects first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from pneucli.closed_loop.metrics import Metrics

@@ -1,7 +1,5 @@
 """One colour, one label and one count for one thing, on every chapter of the page."""
 
-from __future__ import annotations
-
 import re
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The report on paper, on a telephone, in the dark, by keyboard, by touch and for a screen reader."""
 
-from __future__ import annotations
-
 import base64
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The page holds what the artifacts hold, in one file, and says the worst first."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import html
@@ -12,9 +10,10 @@ import numpy as np
 import pytest
 
 from pneucli.report.page import to_html
-from pneucli.report.page_elements import Cell, Grid
-from pneucli.report.report_data import ReportData
+from pneucli.report.page_elements import Cell, Grid, Note, Section, section_tables
+from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections import SECTIONS
+from pneucli.report.sections.diagnosis import _smooth_terms
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.sections.error_location import StateSamples, _grid, _maps
 from tests.report.bench import without
@@ -161,3 +160,42 @@ def test_only_what_is_missing_is_marked_among_the_candidates(material: ReportDat
         ("yes", "good"),
         ("yes", ""),
     ]
+
+
+# --- what no effect accounts for: told in words, and drawn over the signal of which it is a function
+
+
+def test_the_smooth_term_is_drawn_over_its_signal() -> None:
+    texts = {"channel": "force", "acts_as": "dry friction", "variable": "p1", "unit": "N"}
+    columns = {name: [text] * 60 for name, text in texts.items()}
+    (figure,) = _smooth_terms(Table(columns | {"value": np.linspace(1e5, 5e5, 60), "law": np.linspace(-2.0, 2.0, 60)}))
+    assert "pressure of chamber 1 in bar" in figure.svg
+    assert "dry friction in N" in figure.svg
+    assert "part of force that no effect" in figure.caption
+
+
+def test_without_data_there_is_no_figure() -> None:
+    assert _smooth_terms(Table({})) == []
+
+
+# --- the tables of the page as data
+
+
+def test_columns_of_numbers_are_numbers_and_others_are_text() -> None:
+    rows = [
+        [Cell("best", numeric=False), Cell("1.5"), "2·10⁻³", "holds"],
+        [Cell("pid", numeric=False), Cell("–"), "−4", "∞"],
+    ]
+    section = Section("bench", "Bench", "", [Note("a note"), Grid("Errors.", ("law", "rest", "load", "so"), rows)])
+    (table,) = section_tables([section])
+    assert (table.name, table.caption) == ("bench-1", "Errors.")
+    assert table.columns["law"] == ["best", "pid"]
+    assert np.allclose(table.columns["rest"], [1.5, np.nan], equal_nan=True)
+    assert np.allclose(table.columns["load"], [2e-3, -4.0])
+    assert table.columns["so"] == ["holds", "∞"]
+
+
+def test_repeated_and_empty_titles_get_distinct_names_and_empty_tables_none() -> None:
+    grids = [Grid("", ("x", "x", ""), [["1", "2", "3"]]), Grid("", ("y",), [])]
+    (table,) = section_tables([Section("s", "S", "", grids)])
+    assert list(table.columns) == ["x (1)", "x (2)", "column 3"]

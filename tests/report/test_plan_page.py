@@ -1,7 +1,5 @@
 """The page of a plan: drawings that a person can read, and where each rival shows most."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The pages as stored: of a whole bench, of one whose model was mended, of the thesis, and of what is rarer."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

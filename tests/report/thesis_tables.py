@@ -1,7 +1,5 @@
 """Tables for the report of the thesis, by hand: friction laws, the sliding sector, controllers, one inflation."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@ the piston slides up, slides down or sticks, and each mode ends at an event that
 times slower than the kernel; tests compare both.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A piston against a preloaded spring that rests on its stop: a rig of its own, by none of the program's equations."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A cylinder between two chambers and ready-made experiments on it, without sensors' noise or smoothing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

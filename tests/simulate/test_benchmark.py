@@ -1,7 +1,5 @@
 """The benchmark of the simulation core runs to its end, and its accuracy holds."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """The generated kernel: switches, the same text as plain Python, and a cache that notices edits."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import replace

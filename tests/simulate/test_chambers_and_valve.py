@@ -1,7 +1,5 @@
 """Chambers, valve and supply against closed solutions of the same physics."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ friction does so on the whole only: whether noise lets a break-away come a sampl
 channel's error, a recording has few of them, and six draws see few; so channels of motion are judged together.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import cache

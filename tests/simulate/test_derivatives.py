@@ -1,7 +1,5 @@
 """Derivatives of the readings from simulations with dual numbers, against central differences of plain ones."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

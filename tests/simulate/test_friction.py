@@ -1,7 +1,5 @@
 """Friction as a set: exact rest, breaking away, stopping within a step, ends of the stroke, by closed solutions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

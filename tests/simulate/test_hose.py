@@ -1,7 +1,5 @@
 """A hose with a bore against the equations of its section, solved by scipy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """At reversals of an imposed motion the direction is uncertain, and dry friction may have either sign."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

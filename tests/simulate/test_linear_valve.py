@@ -1,7 +1,5 @@
 """A valve of one gain: its area is proportional to the command, and it covers no overlap."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion from a position sensor alone: its error, its covariance, and what a mass fitted with it is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import savgol_filter

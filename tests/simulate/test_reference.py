@@ -4,8 +4,6 @@ The tolerances are the kernel's own error at its step of 250 us (the axis), whic
 what is asked is that it is far below what sensors show: some um of position, some 10 Pa of pressure over 2 s.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sensor effects: readings, and the true pressures computed from readings."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Smoothing of signals into states: linear, true to lines and kinks, and quieter than the sensor."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid

@@ -1,7 +1,5 @@
 """Substitutes for pressures that a recording lacks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

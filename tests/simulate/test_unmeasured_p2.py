@@ -1,7 +1,5 @@
 """An unmeasured p2 follows from the model, and its start from the force balance of the moving piston."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

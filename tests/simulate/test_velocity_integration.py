@@ -1,7 +1,5 @@
 """A friction bench without a position sensor: motion from an accelerometer between rests (6.6), or from a velocity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The first stages of a pipeline, one after the other."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stages run one after the other in this process, as the runner does it, on a pipeline file or an edit of one."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import shutil

@@ -1,7 +1,5 @@
 """Logs of a running controller within ``compare``: u as a channel, and what was foretold beside what came."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

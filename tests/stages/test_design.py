@@ -1,7 +1,5 @@
 """The stages ``design``, ``simulate`` (closed loop) and ``export`` on the example, after its identification."""
 
-from __future__ import annotations
-
 import json
 from itertools import islice
 from pathlib import Path

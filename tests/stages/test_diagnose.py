@@ -1,7 +1,5 @@
 """The stage ``diagnose`` on recordings whose hidden physics is known."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +13,7 @@ import pytest
 from pneucli import messages
 from pneucli.config import load
 from pneucli.diagnose.adequacy import LackOfFit
-from pneucli.diagnose.candidate import Reason
+from pneucli.diagnose.candidate import Decision, Reason
 from pneucli.diagnose.diagnosis import Confidence
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
@@ -27,8 +25,12 @@ from pneucli.messages.diagnose import MIN_TOLD_PROBABILITY, Answer, verdict_sent
 from pneucli.messages.formatting import format_noise_ratio
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
+from pneucli.plausibility.rig_check import contradictions
 from pneucli.stages import diagnose, ingest
-from tests.plausibility.faulty_data_sets import SETS
+from pneucli.stages.diagnosis_answer import proposed_experiment
+from pneucli.stages.pipeline_data import PipelineData
+from tests.diagnose.candidates import candidate, diagnosis_data
+from tests.plausibility.faulty_data_sets import MM_AS_M, P2, SETS, A, Mistake, Rig, X, held, stated
 from tests.stages.chain import known_as_declared, run_stages
 
 Diagnosed = tuple[Path, dict[str, Any]]
@@ -58,31 +60,13 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
     json.dumps(answer, allow_nan=False)
     known_as_declared("diagnose", answer)
     assert answer["schema"] == "pneucli/diagnose/1"
-    wanted = {"pipeline", "verdict", "missing", "ladder", "candidates", "unexplained_share", "next_experiment"}
-    assert wanted <= answer.keys()
     assert answer["plausibility"] == []
-    assert all(step.keys() == {"add", "error_train", "error_test"} for step in answer["ladder"])
-    keys = {
-        "effect",
-        "error_before",
-        "error_after",
-        "beside",
-        "parameters",
-        "indistinguishable_from",
-        "supported",
-        "reason",
-        "why",
-        "confidence",
-        "confidence_alone",
-        "share",
-    }
-    for candidate in answer["candidates"]:
-        assert keys <= candidate.keys()
-        for parameter in candidate["parameters"].values():
+    for one in answer["candidates"]:
+        for parameter in one["parameters"].values():
             assert parameter.keys() == {"value", "unit", "ci95"}
             low, high = parameter["ci95"]
-            assert (low is None) == (high is None) == (not is_told(candidate))
-            assert not is_told(candidate) or low <= parameter["value"] <= high
+            assert (low is None) == (high is None) == (not is_told(one))
+            assert not is_told(one) or low <= parameter["value"] <= high
 
 
 def is_told(candidate: dict[str, Any]) -> bool:
@@ -329,3 +313,85 @@ def test_without_test_recordings_each_is_held_out_in_turn(tmp_path: Path) -> Non
     assert answer["held_out"] == "by turns"
     assert "held out in turn" in answer["warnings"][0]
     assert all(step["error_test"] is None for step in answer["ladder"])
+
+
+# --- which experiment an answer proposes
+
+
+def dropped(effect: str, probability: float) -> Any:
+    tried = candidate(effect)
+    return SimpleNamespace(decision=Decision(tried.effect, "explained-by-unknown", tried), probability=probability)
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "tested"),
+    [((0.45, 0.35), ["stribeck", "constant-force"]), ((0.45, 0.05), ["stribeck"]), ((0.2, 0.1), [])],
+)
+def test_with_a_discrepancy_the_effects_that_are_about_as_probable_as_not_are_tested(
+    probabilities: tuple[float, float], tested: list[str]
+) -> None:
+    refused = [dropped("constant-force", probabilities[1]), dropped("stribeck", probabilities[0])]
+    rest = SimpleNamespace(channel="force", subsystem="mechanics", variable="p1")
+    found: Any = SimpleNamespace(missing=(), equivalents={}, path=SimpleNamespace(refused=refused), unexplained=rest)
+    proposed = proposed_experiment(diagnosis_data(), found)
+    assert proposed is not None
+    assert [part.partition(":")[0] for part in proposed.split("To test ")[1:]] == tested
+    assert "The discrepancy is in force (mechanics)." in proposed
+
+
+# --- a contradiction leaves out the recording or the signal that it concerns, and says so; a doubt leaves out nothing
+
+
+BOTH_FITTED = stated('(name = "stickslip_2"(?:.*\n)*?use = )"test"', r'\1"train"')
+
+
+def pipeline_of(mistake: Mistake, folder: Path, **options: Any) -> PipelineData:
+    """Return the data of a rig on which stickslip_2 and driven_1 are fitted and driven_2 is held out."""
+    path = mistake(BOTH_FITTED(Rig.of("friction", noise=True))).write(folder)
+    config, out = load(path), folder / "out"
+    answer = ingest.run(Context(path, config, out / "ingest", out))
+    return PipelineData(Context(path, config, out / "none", out, answers={"ingest": answer}, options=options))
+
+
+def left_out(pipeline: PipelineData) -> list[tuple[str | None, str | None]]:
+    return [(part.recording, part.signal) for part in pipeline.contradicted]
+
+
+def test_one_false_recording_is_left_out_and_the_others_are_used(tmp_path: Path) -> None:
+    pipeline = pipeline_of(held(P2, 2.0, "driven_1"), tmp_path)
+    assert [one.name for one in pipeline.recordings] == ["stickslip_2", "driven_2"]
+    assert left_out(pipeline) == [("driven_1", None)]
+    assert pipeline.impossible == []
+
+
+def test_of_a_dead_derivative_the_signal_alone_is_left_out(tmp_path: Path) -> None:
+    pipeline = pipeline_of(held(A, 0.0, "driven_1"), tmp_path)
+    assert ["a" in one for one in pipeline.recordings] == [True, False, True]
+    assert left_out(pipeline) == [("driven_1", "a")]
+    assert pipeline.impossible == []
+
+
+def test_where_nothing_else_is_left_to_fit_all_are_used_and_called_impossible(tmp_path: Path) -> None:
+    pipeline = pipeline_of(MM_AS_M, tmp_path)
+    assert len(pipeline.recordings) == 3
+    assert left_out(pipeline) == []
+    assert {one.recording for one in pipeline.impossible} == {"stickslip_2", "driven_1", "driven_2"}
+
+
+@pytest.mark.parametrize("options", [{}, {"force": True}])
+def test_force_and_doubts_leave_nothing_out(options: dict[str, Any], tmp_path: Path) -> None:
+    mistake = held(P2, 2.0, "driven_1") if options else held(X, 100.0, "driven_2")
+    pipeline = pipeline_of(mistake, tmp_path, **options)
+    found = pipeline.ingested.plausibility
+    assert found
+    assert bool(contradictions(found)) == bool(options)
+    assert len(pipeline.recordings) == 3
+    assert (pipeline.contradicted, pipeline.impossible) == ([], [])
+
+
+def test_errors_of_other_recordings_are_errors_of_other_data(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    mistake = held(P2, 2.0, "driven_1")
+    fewer = pipeline_of(mistake, tmp_path / "a").data_digest
+    assert fewer != pipeline_of(mistake, tmp_path / "b", force=True).data_digest

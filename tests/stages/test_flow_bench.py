@@ -1,7 +1,5 @@
 """A steady flow bench from its CSV to the report: no clock, nothing filtered, C, b, m, maps, verdicts, refusals."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The history of a model: every one that was compared is kept once, with its curves, in the stage's own folder."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Open-loop scenarios: the model under a command of one's own, held to closed solutions; what is wrongly asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

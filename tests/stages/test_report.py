@@ -1,8 +1,9 @@
 """The stage ``report``: artifacts on disk in, three files out."""
 
-from __future__ import annotations
-
+import ast
+import html
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,13 @@ from xml.etree import ElementTree
 
 import pytest
 
+import pneucli
 from pneucli import config, messages
 from pneucli.io.artifacts import Provenance, read_table, write_table
 from pneucli.pipeline.context import Context
+from pneucli.report.page import to_html
 from pneucli.stages import report
+from pneucli.stages.report import closed_loop_checks
 from tests.report.bench import whole
 
 PIPELINE = """
@@ -114,3 +118,150 @@ def test_the_rig_is_said_in_a_few_words(context: Context) -> None:
         report.rig_description(config) == "cylinder ⌀ 32.0 mm × 200 mm, supply 7.00 bar"
     )  # pi/4 (32 mm)^2 = 8.0425 cm^2
     assert report.rig_description(context.config) == ""
+
+
+# --- numbers read well wherever people meet them: on the terminal, on the page, and in the texts of faults
+
+
+PACKAGE = Path(pneucli.__file__).parent
+STUMBLING = re.compile(r"\d[eE][+-]\d|\d*\.\d{8,}")
+LATEX = re.compile(r"\\[a-zA-Z]+|\$[^$\n]*[\\^_][^$\n]*\$")
+INTERVAL = re.compile(r"(−?[\d.]+) ± ([\d.]+)")
+
+# modules that write numbers for programs, or that lie below the formatter: none of an estimate
+FOR_PROGRAMS = {
+    *("config/key_reference.py", "config/load.py", "config/value_types.py", "units.py"),  # what a file may hold
+    *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/writer.py"),  # TOML
+    "init/survey.py",  # names of runs
+    *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
+    *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/plant.py"),
+    *("fleet/output.py", "io/file_units.py", "stages/plan_take.py", "workbench/bench.py"),
+    *(
+        "stages/history.py",
+        "identify/valve/charge_budget.py",
+        "simulate/valve_forms/area.py",
+        "stages/flow_bench.py",
+        "stages/diagnosis_answer.py",
+    ),  # names of rows
+    *("stages/identify_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
+    "messages/formatting.py",
+}
+
+
+def exponent_formats(path: Path) -> Iterator[int]:
+    """Yield the lines of a module where a number is formatted as Python does, with an exponent where it likes."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FormattedValue) and isinstance(node.format_spec, ast.JoinedStr):
+            spec = "".join(str(part.value) for part in node.format_spec.values if isinstance(part, ast.Constant))
+            if re.search(r"[eEgG]$", spec):
+                yield node.lineno
+
+
+def test_people_read_numbers_of_one_formatter() -> None:
+    found = {path.relative_to(PACKAGE).as_posix(): [*exponent_formats(path)] for path in PACKAGE.rglob("*.py")}
+    assert {name: lines for name, lines in found.items() if lines and name not in FOR_PROGRAMS} == {}
+
+
+def faults(text: str) -> list[str]:
+    """What a reader stumbles over: exponents of programs, more digits than an interval or any sensor has."""
+    wrong = [match.group() for match in STUMBLING.finditer(text)]
+    for value, width in INTERVAL.findall(text):
+        digits = width.replace(".", "").lstrip("0")
+        even = len(value.partition(".")[2]) == len(width.partition(".")[2])
+        if not even or len(digits.rstrip("0") if "." not in width else digits) > 2:
+            wrong.append(f"{value} ± {width}")
+    return wrong
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("1.7e+02 times", ["7e+0"]),
+        ("12.345678901 N", ["12.345678901"]),
+        ("3.0 ± 1.0 and 1230 ± 230", []),
+        ("0.12345 ± 0.00321", ["0.12345 ± 0.00321"]),
+        ("5.0 ± 0.10", ["5.0 ± 0.10"]),
+    ],
+)
+def test_the_guard_sees_what_it_is_for(text: str, wrong: list[str]) -> None:
+    assert faults(text) == wrong
+
+
+def test_the_page_has_no_number_that_nobody_reads() -> None:
+    seen = re.sub(r"(?s)<(script|style|svg|math)\b.*?</\1>", " ", to_html(whole()))
+    text = html.unescape(re.sub(r"<[^>]*>", " ", seen))
+    assert "±" in text
+    assert faults(text) == []
+
+
+def test_a_terminal_has_no_such_number_and_no_formula(demo: tuple[Path, dict[str, Any]]) -> None:
+    text = "\n".join(messages.render(name, answer, "a.toml", verbose=True) for name, answer in demo[1].items())
+    assert "±" in text
+    assert faults(text) == []
+    assert not LATEX.search(text)
+
+
+# --- default checks of the closed loop: limits from the requirements, skipped without one
+
+
+FIGURES: dict[str, Any] = {
+    "steady_um": 4.0,
+    "cycle_um": 0.0,
+    "tracking_rms_um": None,
+    "recovery_s": None,
+    "peak_um": None,
+}
+LOADED = FIGURES | {"recovery_s": 0.2, "peak_um": 900.0}
+SINE = FIGURES | {"steady_um": None, "cycle_um": None, "tracking_rms_um": 40.0}
+GATE = {"passed": True, "missed": [], "model_error": 1.0, "model_error_limit": 2.0}
+
+
+def answers(**changed: Any) -> dict[str, Any]:
+    design = {
+        "requirements": {"controller": "best", "settling_time": None, "tracking_error": None},
+        "compare": {},
+        "tolerance_um": 10.0,
+        "gate": GATE,
+    }
+    replay = {"difference_v": 0.0, "samples": 60000, "reason": ""}
+    loop = {"steps": FIGURES, "load": LOADED, "sine": SINE}
+    simulate = {"closed_loop": loop | changed.pop("loop", {}), "exported_c": changed.pop("replay", replay)}
+    return {"design": design | changed, "simulate": simulate}
+
+
+def outcome(**changed: Any) -> dict[str, str]:
+    found = closed_loop_checks(answers(**changed))
+    return {
+        c.path.removeprefix("closed-loop."): "skipped" if c.skipped else "failed" if c.failure else "passed"
+        for c in found
+    }
+
+
+def test_without_stated_requirements_rest_cycle_recovery_gate_and_c_are_checked() -> None:
+    passed = dict.fromkeys(("gate", "rest", "limit-cycle", "recovery", "exported-c"), "passed")
+    assert outcome() == passed | {"sine": "skipped"}
+
+
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("rest", {"tolerance_um": 3.0}),
+        ("limit-cycle", {"loop": {"steps": FIGURES | {"cycle_um": 11.0}}}),
+        ("recovery", {"loop": {"load": LOADED | {"recovery_s": None}}}),
+        ("recovery", {"requirements": {"controller": "best", "settling_time": 0.1, "tracking_error": None}}),
+        ("sine", {"requirements": {"controller": "best", "settling_time": None, "tracking_error": 30e-6}}),
+        ("gate", {"gate": GATE | {"passed": False}}),
+        ("exported-c", {"replay": {"difference_v": 1e-6, "samples": 1, "reason": ""}}),
+    ],
+)
+def test_what_exceeds_its_limit_fails(name: str, changed: dict[str, Any]) -> None:
+    assert outcome(**changed)[name] == "failed"
+
+
+def test_without_a_compiler_the_c_is_skipped_with_the_reason() -> None:
+    found = closed_loop_checks(answers(replay={"difference_v": None, "samples": 0, "reason": "no C compiler (cc)"}))
+    assert [c.skipped for c in found if c.path.endswith("exported-c")] == ["no C compiler (cc)"]
+
+
+def test_without_a_design_there_are_none() -> None:
+    assert closed_loop_checks({"compare": {}}) == []

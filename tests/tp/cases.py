@@ -1,7 +1,5 @@
 """The three reference cases of fixtures/tp; formulas and constants from each one's params.txt."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

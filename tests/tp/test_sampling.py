@@ -1,14 +1,13 @@
 """Samples from functions and from scattered measurements."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.tp import check, sample, transform
+from pneucli.tp import check, hosvd, sample, transform
+from pneucli.tp.hosvd import contract
 from pneucli.tp.scattered import fit_samples
 
 from .cases import CASES, damping
@@ -102,3 +101,95 @@ def test_scattered_measurements_of_two_parameters_give_the_reference_case():
 def test_measurements_that_do_not_fit_are_refused(points, values, options, message):
     with pytest.raises(InputError, match=message):
         fit_samples(points, values, [LINE], **options)
+
+
+# --- the decomposition: true singular values, orthonormal bases, correct ranks
+
+
+def unfold(tensor, mode):
+    return np.moveaxis(tensor, mode, 0).reshape(tensor.shape[mode], -1)
+
+
+def compose(parts):
+    tensor = parts.core
+    for mode, basis in enumerate(parts.bases):
+        tensor = contract(tensor, basis, mode)
+    return tensor
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_samples_are_those_of_the_reference(name):
+    case = CASES[name]
+    entries = {"a": [("S11", ())], "c": [("S11", ())], "d": [("S22", (1, 1)), ("S32", (2, 1))]}[name]
+    used = {"a": [[0]], "c": [[0, 1]], "d": [[0], [1, 2]]}[name]
+    for (entry, index), modes in zip(entries, used, strict=True):
+        for *point, value in case.table(f"samples_{entry}"):
+            node = [0] * len(case.grids)
+            for mode, at in zip(modes, point, strict=True):
+                node[mode] = int(np.argmin(np.abs(case.grids[mode] - at)))
+            assert case.samples[tuple(node)][index] == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_singular_values_and_spans_are_those_of_the_reference(name):
+    case = CASES[name]
+    parts = hosvd(case.samples, len(case.grids))
+    for mode, parameter in enumerate(case.names):
+        reference = case.table(f"sv_mode_{parameter}")[:, 1]
+        kept = int(case.table(f"sv_mode_{parameter}")[:, 3].sum())
+        found = parts.spectra[mode].singular_values
+        assert parts.spectra[mode].rank == kept
+        assert np.abs(found[:kept] - reference[:kept]).max() < 1e-13 * reference[0]
+        u = case.table(f"U_hosvd_mode_{parameter}")
+        every = -(-len(case.grids[mode]) // len(u))  # the fixture may hold every tenth row only
+        basis = parts.bases[mode][::every]
+        # both are orthonormal with the same order of columns: they differ by signs only, and by the toolbox's rounding,
+        # amplified by sigma_1 / sigma_k (5e4 in SI)
+        signs = np.sign(np.sum(basis * u, axis=0))
+        assert np.abs(basis * signs - u).max() < 1e-14 * reference[0] / reference[kept - 1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    nodes=st.lists(st.integers(2, 12), min_size=1, max_size=4),
+    shape=st.lists(st.integers(1, 3), max_size=2),
+    rank=st.integers(1, 4),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_number_of_parameters_and_any_matrix_shape(nodes, shape, rank, seed):
+    rng = np.random.default_rng(seed)
+    tensor = rng.standard_normal((*[min(rank, n) for n in nodes], *shape))
+    for mode, n in enumerate(nodes):
+        tensor = contract(tensor, rng.standard_normal((n, tensor.shape[mode])), mode)
+    parts = hosvd(tensor, len(nodes))
+    first = np.linalg.norm(tensor)
+    assert np.abs(compose(parts) - tensor).max() < 1e-9 * first
+    for mode, (basis, spectrum) in enumerate(zip(parts.bases, parts.spectra, strict=True)):
+        assert np.abs(basis.T @ basis - np.eye(spectrum.rank)).max() < 1e-12
+        full = np.linalg.svd(unfold(tensor, mode), compute_uv=False)
+        size = min(full.size, spectrum.singular_values.size)
+        assert np.abs(spectrum.singular_values[:size] - full[:size]).max() < 1e-12 * first
+        assert full[size:].max(initial=0.0) < 1e-12 * first
+
+
+@pytest.mark.parametrize("tolerance", [0.8, 0.9, 0.99])
+def test_the_error_of_a_cut_stays_below_the_discarded_singular_values(tolerance):
+    tensor = np.random.default_rng(1).standard_normal((8, 7, 6, 2))
+    parts = hosvd(tensor, 3, tolerance)
+    assert min(parts.core.shape[:3]) < 6
+    bound = np.sqrt(sum(s.discarded**2 for s in parts.spectra))
+    assert np.linalg.norm(compose(parts) - tensor) <= bound + 1e-12 * np.linalg.norm(tensor)
+
+
+def test_a_long_mode_is_decomposed_in_blocks_as_accurately_as_in_one():
+    rng = np.random.default_rng(3)
+    tensor = rng.standard_normal((6, 5000, 3)) * np.logspace(0, -12, 6)[:, None, None]
+    found = hosvd(tensor, 1, tolerance=0).spectra[0].singular_values
+    full = np.linalg.svd(unfold(tensor, 0), compute_uv=False)
+    assert np.abs(found - full).max() < 1e-14 * full[0]  # a Gram matrix would be off by 1e-8 here
+
+
+def test_no_cut_deletes_friction_whose_entry_is_small_in_si():
+    case = CASES["d"]
+    model = transform(case.samples, case.grids, tolerance=1e-4)
+    assert np.all(model.errors < 1e-11 * model.scale)

@@ -1,7 +1,5 @@
 """A workbench on a copy of a small run, asked through aiohttp's own client."""
 
-from __future__ import annotations
-
 import asyncio
 import shutil
 from collections.abc import Callable, Coroutine

@@ -1,7 +1,5 @@
 """The page in a real browser: a model fails, is diagnosed, gets what it lacks, and its error falls."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

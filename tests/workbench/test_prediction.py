@@ -1,7 +1,5 @@
 """What is shown while the hand moves over a long recording: a line between two simulations, until a third is there."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What the page asks for is what the commands do: the same numbers, the same file, undone to the letter."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

@@ -12,7 +12,7 @@ import typer
 from pneucli import messages
 from pneucli.cli import console
 from pneucli.cli.command import Command, HowToRun, fails_acceptance, print_findings
-from pneucli.cli.options import File, built_stages
+from pneucli.cli.options import File
 from pneucli.messages.run import lines as summary
 from pneucli.paths import from_here
 from pneucli.stages.history import compared_models
@@ -28,7 +28,7 @@ def _run(pipeline: File, how: HowToRun = HowToRun()) -> None:
     from pneucli.pipeline.checks import evaluate
 
     opened_pipeline = how.open(pipeline)
-    done = how.update(opened_pipeline, *built_stages(*STAGES))
+    done = how.update(opened_pipeline, *STAGES)
     if not any(stage.reasons for stage in done.values()):
         how.say("everything is up to date")
     answers = {name: stage.manifest.answer for name, stage in done.items() if stage.manifest.answer is not None}

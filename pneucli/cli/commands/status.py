@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pneucli.cli import console
 from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File, built_stages
+from pneucli.cli.options import File
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ def _status(pipeline: File, how: HowToRun = HowToRun()) -> None:
     """``quiet`` exists for uniform options; this command prints nothing on standard error."""
     opened_pipeline = how.open(pipeline)
     opened_pipeline.validate()
-    verdicts = opened_pipeline.stage_status(built_stages(*STAGES))
+    verdicts = opened_pipeline.stage_status(list(STAGES))
     if how.json:
         stages = [{"stage": name, "state": _state(v), "why": list(v.reasons)} for name, v in verdicts.items()]
         console.print_json({"schema": "pneucli/status/1", "pipeline": opened_pipeline.name, "stages": stages})

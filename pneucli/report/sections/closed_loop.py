@@ -93,7 +93,7 @@ def section(material: ReportData) -> Section | None:
     parts = warning_notes(material, "design")
     if own := [check for check in material.checks if check.path.split(".")[0] in ("design", "simulate")]:
         parts.append(checks_grid(own, "The checks of the pipeline file on design and simulation."))
-    tolerance = _tolerance(material.table("design/gains"))
+    tolerance = designed.tolerance_um / MICROMETRES_PER_METRE
     parts.append(_design(designed, tolerance))
     parts += margin_parts(designed.margins, material.table("design/margins"))
     if simulated.closed_loop and simulated.pid_alone:
@@ -104,11 +104,6 @@ def section(material: ReportData) -> Section | None:
         "It is compared with its PIDs only, without estimates and without friction feedforward."
     )
     return Section("closed-loop", "Controller", lead, parts, folded=True, printed=True)
-
-
-def _tolerance(gains: Table) -> float:
-    """Return the tolerated error at rest in m: twice the band within which the controller holds the piston."""
-    return 2.0 * float(gains.where(name="C_HOLDING_BAND")["value"][0])
 
 
 def _design(answer: design.Answer, tolerance: float) -> Grid:

@@ -17,7 +17,7 @@ from pneucli.messages.formatting import (
     signal_unit,
     unit_symbol,
 )
-from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Drawing, drawing, figures
+from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Line, chart, zero_line
 from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section, warning_notes
 from pneucli.report.report_data import ReportData, Table
 
@@ -73,27 +73,29 @@ def _shapes(shape: Table, missing: Sequence[str], colours: Colours) -> list[Figu
     groups = shape.groups("effect", "recording", "channel", "variable")
     found = [one for one in groups if one[0][0] in missing][:MAX_SHAPES]
     reading = f" {HOW_TO_READ}"  # once, below the first picture
-    return figures(
-        [
-            _shape(*map(str, key), rows=rows, colours=colours, more="" if i else reading)
-            for i, (key, rows) in enumerate(found)
-        ]
-    )
+    return [
+        _shape(*map(str, key), rows=rows, colours=colours, more="" if i else reading)
+        for i, (key, rows) in enumerate(found)
+    ]
 
 
 def _shape(
     effect: str, recording: str, channel: str, variable: str, *, rows: Table, colours: Colours, more: str
-) -> Drawing:
-    unit = rows.text("unit")
-    caption = f"{effect}: the residual of {channel} in {recording} before and after adding it.{more}"
-    with drawing(caption, axis_title(variable), f"residual of {channel} in {unit_symbol(unit)}") as one:
-        x = in_display_unit(rows["value"], signal_unit(variable))
-        curves = {name: in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")}
-        one.axes.plot(x, curves["residual_before"], color=colours[0], alpha=0.5, linewidth=3.5, label="before")
-        one.axes.plot(x, curves["residual_after"], color=colours[1], label="after")
-        one.axes.plot(x, curves["expected"], "--", color=TEXT_COLOUR, linewidth=1.0, label="contribution")
-        one.canvas.legend(loc="outside upper right", ncols=3)
-    return one
+) -> Figure:
+    unit, x = rows.text("unit"), in_display_unit(rows["value"], signal_unit(variable))
+    before, after, expected = (
+        in_display_unit(rows[name], unit) for name in ("residual_before", "residual_after", "expected")
+    )
+    return chart(
+        f"{effect}: the residual of {channel} in {recording} before and after adding it.{more}",
+        axis_title(variable),
+        f"residual of {channel} in {unit_symbol(unit)}",
+        Line(x, before, "before", colours[0], alpha=0.5, width=3.5),
+        Line(x, after, "after", colours[1]),
+        Line(x, expected, "contribution", TEXT_COLOUR, "--", width=1.0),
+        legend="outside upper right",
+        ncols=3,
+    )
 
 
 def _smooth_terms(term: Table) -> list[Figure]:
@@ -106,12 +108,8 @@ def _smooth_terms(term: Table) -> list[Figure]:
         "most of the held-out residual. If you know a mechanism with a curve of this shape, look for it."
     )
     title = f"{kind} in {unit_symbol(unit)}" if unit_symbol(unit) else kind
-    with drawing(caption, axis_title(variable), title) as one:
-        one.axes.axhline(0.0, color=TEXT_COLOUR, linewidth=0.6)
-        one.axes.plot(
-            in_display_unit(term["value"], signal_unit(variable)), in_display_unit(term["law"], unit), color=ORANGE
-        )
-    return figures([one])
+    x, y = in_display_unit(term["value"], signal_unit(variable)), in_display_unit(term["law"], unit)
+    return [chart(caption, axis_title(variable), title, Line(x, y, colour=ORANGE), extra=zero_line)]
 
 
 def _candidates(candidates: Sequence[CandidateAnswer], missing: Sequence[str]) -> Grid | None:

@@ -62,16 +62,13 @@ def section(material: ReportData) -> Section | None:
     for key in worst:
         parts += figures(_maps(first.get(key), now[key]))
     events = answer.events
-    parts += [_events(events)] if events else [_even_error(answer)]
+    even = Note(answer.even_error, "good" if answer.rating == "good" else "")
+    parts.append(_events(events) if events else even)
     lead = (
         "Each map pools all recordings of an experiment over the two variables over which the error varies most; the "
         "line in the colour bar is 1, the noise floor."
     )
     return Section("where", "Where the model fails", lead, parts)
-
-
-def _even_error(answer: compare.Answer) -> Note:
-    return Note(answer.even_error, "good" if answer.rating == "good" else "")
 
 
 def _events(events: Sequence[Sequence[compare.Region]]) -> Grid:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart, drawing, figures
+from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 80  # on the page
@@ -34,19 +34,17 @@ def section(material: ReportData) -> Section | None:
     if not len(models):
         return None
     curves, cuts = material.table("identify/friction_curves"), material.table("identify/friction_cuts")
-    drawings = [_scatter(cuts)] if len(cuts) else []
-    drawings += [_curves(curves)] if len(curves) else []
+    drawn = [_scatter(cuts)] if len(cuts) else []
+    drawn += [_curves(curves)] if len(curves) else []
     names = [str(name) for name in dict.fromkeys(models["model"])]
     for group in ([n for n in names if n in "ABC"], [n for n in names if n in "DEF"]):
-        drawings += [
-            _models(models, group, curves, is_near_standstill) for is_near_standstill in (False, True) if group
-        ]
+        drawn += [_models(models, group, curves, is_near_standstill) for is_near_standstill in (False, True) if group]
     if len(kinetic := material.table("identify/friction_kinetic")):
-        drawings.append(_kinetic(kinetic))
+        drawn.append(_kinetic(kinetic))
     lead = "Friction is the force on the piston minus mass times acceleration; its sign is that of the velocity."
     if taken_out := material.answer("identify").get("friction", {}).get("taken_out"):
         lead += f" Other forces of the model are subtracted: {', '.join(taken_out)}."
-    parts: list[Part] = [*friction_warnings(material), *figures(drawings), *_tables(material)]
+    parts: list[Part] = [*friction_warnings(material), *drawn, *_tables(material)]
     return Section("friction", "Friction", lead, parts, folded=True)
 
 
@@ -56,66 +54,51 @@ def friction_warnings(material: ReportData) -> list[Part]:
     return [Note(f"{warning}.", "warning") for warning in warnings]
 
 
-def _scatter(cuts: Table) -> Drawing:
+def _scatter(cuts: Table) -> Figure:
+    colours = {1.0: ("toward +x", BLUE), -1.0: ("toward −x", ORANGE)}
+    step, lines = max(1, len(cuts) // MAX_DOTS), []
+    for (direction, _), rows in cuts.groups("direction", "cut"):
+        some = rows.rows(np.arange(0, len(rows), step))
+        force = some["force"] * (1 if some["force"].mean() > 0 else -1)
+        speed, colour = in_display_unit(some["speed"], "m/s"), colours[float(np.sign(direction))][1]
+        lines.append(Line(speed, force, colour=colour, width=0.7, alpha=0.7))
+    seen = set(np.sign(cuts["direction"]))
+    lines += [Line([], [], *label_and_colour) for sign, label_and_colour in colours.items() if sign in seen]
     caption = "Stick-slip events in the recordings: friction over speed, one line for each slip; direction by colour."
-    with drawing(caption, "speed in mm/s", "friction in N") as one:
-        step = max(1, len(cuts) // MAX_DOTS)
-        for (direction, _), rows in cuts.groups("direction", "cut"):
-            some = rows.rows(np.arange(0, len(rows), step))
-            colour = BLUE if direction > 0 else ORANGE
-            force = some["force"] * (1 if some["force"].mean() > 0 else -1)
-            one.axes.plot(in_display_unit(some["speed"], "m/s"), force, color=colour, linewidth=0.7, alpha=0.7)
-        for direction, colour, label in ((1, BLUE, "toward +x"), (-1, ORANGE, "toward −x")):
-            if (np.sign(cuts["direction"]) == direction).any():
-                one.axes.plot([], [], color=colour, label=label)
-        one.axes.legend()
-    return one
+    return chart(caption, "speed in mm/s", "friction in N", *lines, legend="best")
 
 
-def _curves(curves: Table) -> Drawing:
-    caption = "Mean friction over velocity with its 95 % band: where the branches part, friction has hysteresis."
-    with drawing(caption, "velocity in mm/s", "friction in N") as one:
-        for branch, colour in BRANCHES.items():
-            if len(rows := curves.where(branch=branch)):
-                _with_interval_band(one, rows, colour, branch)
-        one.axes.legend()
-    return one
-
-
-def _with_interval_band(one: Drawing, rows: Table, colour: str, label: str) -> None:
+def _curves(curves: Table) -> Figure:
     """Draw each direction as a separate line, so that none crosses standstill."""
-    for i, side in enumerate((rows["v"] < 0, rows["v"] > 0)):
-        part = rows.rows(np.flatnonzero(side)[np.argsort(rows["v"][side])])
-        v = in_display_unit(part["v"], "m/s")
-        one.axes.fill_between(v, part["ci_low"], part["ci_high"], color=colour, alpha=0.25, linewidth=0)
-        one.axes.plot(v, part["force"], color=colour, label=label if i else None)
+    lines = []
+    for branch, colour in BRANCHES.items():
+        rows = curves.where(branch=branch)
+        for label, side in ((None, rows["v"] < 0), (branch, rows["v"] > 0)) if len(rows) else ():
+            part = rows.rows(np.flatnonzero(side)[np.argsort(rows["v"][side])])
+            v, band = in_display_unit(part["v"], "m/s"), (part["ci_low"], part["ci_high"])
+            lines.append(Line(v, part["force"], label, colour, band=band))
+    caption = "Mean friction over velocity with its 95 % band: where the branches part, friction has hysteresis."
+    return chart(caption, "velocity in mm/s", "friction in N", *lines, legend="best")
 
 
-def _models(models: Table, names: list[str], curves: Table, is_near_standstill: bool) -> Drawing:
+def _models(models: Table, names: list[str], curves: Table, is_near_standstill: bool) -> Figure:
     titles = "; ".join(f"{name}: {MODELS.get(name, '')}" for name in names)
     caption = f"Models and measured friction (dots). {titles}."
     if set(names) & set("DEF"):
         caption += " Each has a branch for accelerating and one for slowing down."
     if is_near_standstill:
         caption = f"Models {', '.join(names)} near standstill."
-    with drawing(caption, "velocity in mm/s", "friction in N") as one:
-        if len(curves):
-            one.axes.plot(
-                in_display_unit(curves["v"], "m/s"), curves["force"], ".", color=GREY, markersize=2, alpha=0.6
-            )
-        for name in names:
-            for i, (_, rows) in enumerate(models.where(model=name).groups("branch")):
-                v = in_display_unit(rows["v"], "m/s")
-                label = name if i == 0 else None
-                one.axes.plot(v, rows["force"], _LINES.get(name, "-"), color=_COLOURS.get(name, GREY), label=label)
-        reach = 1.1 * float(np.abs(in_display_unit((curves if len(curves) else models)["v"], "m/s")).max())
-        reach *= STRIBECK_RANGE if is_near_standstill else 1.0
-        one.axes.set_xlim(-reach, reach)
-        one.axes.legend()
-    return one
+    v = in_display_unit((curves if len(curves) else models)["v"], "m/s")
+    reach = 1.1 * float(np.abs(v).max()) * (STRIBECK_RANGE if is_near_standstill else 1.0)
+    lines = [Line(v, curves["force"], colour=GREY, style=".", size=2, alpha=0.6)] if len(curves) else []
+    for name in names:
+        colour, style = _COLOURS.get(name, GREY), _LINES.get(name, "-")
+        for i, (_, rows) in enumerate(models.where(model=name).groups("branch")):
+            lines.append(Line(in_display_unit(rows["v"], "m/s"), rows["force"], None if i else name, colour, style))
+    return chart(caption, "velocity in mm/s", "friction in N", *lines, legend="best", xlim=(-reach, reach))
 
 
-def _kinetic(kinetic: Table) -> Drawing:
+def _kinetic(kinetic: Table) -> Figure:
     over_pressure = np.isfinite(kinetic["p1"]).all()
     x = in_display_unit(kinetic["p1"], "Pa") if over_pressure else in_display_unit(kinetic["speed"], "m/s")
     caption = "Kinetic friction with 95 % intervals, one point for each recording."
@@ -125,7 +108,7 @@ def _kinetic(kinetic: Table) -> Drawing:
         spread = np.clip([middle - kinetic["ci_low"], kinetic["ci_high"] - middle], 0, None)
         one.axes.errorbar(x, middle, spread, fmt="o", color=BLUE, markersize=3, capsize=2)
         one.axes.set_ylim(bottom=0)
-    return one
+    return figures([one])[0]
 
 
 def _tables(material: ReportData) -> Iterator[Part]:

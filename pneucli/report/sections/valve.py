@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from pneucli.arrays import Array
@@ -25,14 +26,16 @@ from pneucli.messages.formatting import (
 from pneucli.messages.identify import Answer, MapResidual, Valve, ValveDeviation
 from pneucli.report.figure import (
     BLUE,
-    GREY,
     HEAT_MAP_LINE_COLOUR,
     ORANGE,
     Drawing,
+    Line,
+    chart,
     drawing,
     figures,
     heat_map,
     rank_colour,
+    zero_line,
 )
 from pneucli.report.page_elements import Cell, Figure, Grid, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
@@ -87,13 +90,13 @@ def _table(material: ReportData, chamber: int, name: str) -> Table:
 
 def _figures(table: Callable[[str], Table]) -> Iterator[Figure]:
     curves = table("curves")
-    drawings = [_inflation(curves), _gradients(curves)] if len(curves) else []
-    drawings.append(_over_command(table("map")))
+    if len(curves):
+        yield from (_inflation(curves), _gradients(curves))
+    yield _over_command(table("map"))
     if len(lack := table("lack_of_fit")):
-        drawings.append(_lack_of_fit(lack))
+        yield _lack_of_fit(lack)
     if len(areas := table("areas")):
-        drawings.append(_areas(areas))
-    yield from figures(drawings)
+        yield _areas(areas)
     yield from _maps(table)
 
 
@@ -126,46 +129,43 @@ def _colour(u: float, steps: list[tuple[float, Table]]) -> Any:
     return rank_colour(sizes.index(abs(u)), len(sizes))
 
 
-def _legend(one: Drawing, steps: list[tuple[float, Table]]) -> None:
+def _legend(steps: list[tuple[float, Table]], axes: Axes) -> None:
     sizes = sorted({abs(u) for u, _ in steps})
     handles = [Line2D([], [], color=_colour(u, steps), label=f"{format_plain(u)} V") for u in sizes]
-    one.axes.legend(handles=handles, title="|command|", loc="upper left", bbox_to_anchor=(1, 1))
+    axes.legend(handles=handles, title="|command|", loc="upper left", bbox_to_anchor=(1, 1))
 
 
-def _inflation(curves: Table) -> Drawing:
-    steps = _steps(curves)
+def _inflation(curves: Table) -> Figure:
+    steps, lines = _steps(curves), []
+    for u, rows in steps:
+        indices = envelope_indices([rows["measured"]], MAX_CURVE_SAMPLES)
+        dots = indices[:: max(1, indices.size // 40)]
+        time, colour = rows["time"] - rows["time"][0], _colour(u, steps)
+        measured, fitted = (in_display_unit(rows[name], "Pa") for name in ("measured", "fitted"))
+        lines.append(Line(time[dots], measured[dots], colour=colour, style=".", size=2.5))
+        lines.append(Line(time[indices], fitted[indices], colour=colour, width=1.0))
     caption = "Charging and discharging: measured (dots) and fitted (lines), one pair of curves for each command."
-    with drawing(caption, "time from the step in s", "pressure in bar") as one:
-        for u, rows in steps:
-            indices = envelope_indices([rows["measured"]], MAX_CURVE_SAMPLES)
-            time = rows["time"] - rows["time"][0]
-            colour = _colour(u, steps)
-            dots = indices[:: max(1, indices.size // 40)]
-            one.axes.plot(time[dots], in_display_unit(rows["measured"][dots], "Pa"), ".", color=colour, markersize=2.5)
-            one.axes.plot(time[indices], in_display_unit(rows["fitted"][indices], "Pa"), color=colour, linewidth=1.0)
-        _legend(one, steps)
-    return one
+    return chart(caption, "time from the step in s", "pressure in bar", *lines, extra=partial(_legend, steps))
 
 
-def _gradients(curves: Table) -> Drawing:
-    steps = _steps(curves)
+def _gradients(curves: Table) -> Figure:
+    steps, lines = _steps(curves), []
+    for u, rows in steps:
+        order = np.argsort(rows["fitted"])
+        order = order[:: max(1, order.size // MAX_CURVE_SAMPLES)]
+        p = in_display_unit(rows["fitted"][order], "Pa")
+        low, high, middle = (in_display_unit(rows[n][order], "Pa/s") for n in ("ci_low", "ci_high", "gradient"))
+        lines.append(Line(p, middle, colour=_colour(u, steps), band=(low, high)))
     caption = (
         "The gradient over the pressure in the vessel, with its 95 % band. While the flow is choked, discharging is a "
         "straight line through zero absolute pressure, and charging a constant."
     )
-    with drawing(caption, "pressure in bar", "pressure gradient in bar/s") as one:
-        for u, rows in steps:
-            order = np.argsort(rows["fitted"])
-            order = order[:: max(1, order.size // MAX_CURVE_SAMPLES)]
-            p, low, high, middle = (
-                in_display_unit(rows[name][order], unit)
-                for name, unit in (("fitted", "Pa"), ("ci_low", "Pa/s"), ("ci_high", "Pa/s"), ("gradient", "Pa/s"))
-            )
-            one.axes.fill_between(p, low, high, color=_colour(u, steps), alpha=0.25, linewidth=0)
-            one.axes.plot(p, middle, color=_colour(u, steps))
-        one.axes.axhline(0, color=GREY, linewidth=0.6)
-        _legend(one, steps)
-    return one
+
+    def extra(axes: Axes) -> None:
+        zero_line(axes)
+        _legend(steps, axes)
+
+    return chart(caption, "pressure in bar", "pressure gradient in bar/s", *lines, extra=extra)
 
 
 def _square(table: Table, x: str, y: str, z: str) -> tuple[Array, Array, Array]:
@@ -195,51 +195,45 @@ def _map(grid: Table) -> Drawing:
     return one
 
 
-def _over_command(grid: Table) -> Drawing:
-    levels = np.unique(grid["p"])
+def _levels(table: Table) -> list[tuple[str, Any, Table]]:
+    """Return the label, the colour and the rows of five pressures between the ends of a table."""
+    levels = np.unique(table["p"])
     chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
+    return [
+        (format_quantity(level, "Pa", 2), rank_colour(i, chosen.size), table.where(p=level))
+        for i, level in enumerate(chosen)
+    ]
+
+
+def _over_command(grid: Table) -> Figure:
+    lines = []
+    for label, colour, rows in _levels(grid):
+        low, middle, high = (in_display_unit(rows[f"p_gradient{end}"], "Pa/s") for end in ("_ci_low", "", "_ci_high"))
+        lines.append(Line(rows["u"], middle, label, colour, band=(low, high)))
     caption = (
         "Sections of the map at constant pressure, with the 95 % band; the flat part at zero is the spool's overlap."
     )
-    with drawing(caption, "valve command in V", "pressure gradient in bar/s") as one:
-        for i, level in enumerate(chosen):
-            rows = grid.where(p=level)
-            colour = rank_colour(i, chosen.size)
-            low, high = (in_display_unit(rows[f"p_gradient_ci_{end}"], "Pa/s") for end in ("low", "high"))
-            one.axes.fill_between(rows["u"], low, high, color=colour, alpha=0.25, linewidth=0)
-            one.axes.plot(
-                rows["u"],
-                in_display_unit(rows["p_gradient"], "Pa/s"),
-                color=colour,
-                label=format_quantity(level, "Pa", 2),
-            )
-        one.axes.axhline(0, color=GREY, linewidth=0.6)
-        one.axes.legend()
-    return one
+    titles = ("valve command in V", "pressure gradient in bar/s")
+    return chart(caption, *titles, *lines, legend="best", extra=zero_line)
 
 
-def _lack_of_fit(lack: Table) -> Drawing:
-    levels = np.unique(lack["p"])
-    chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
+def _lack_of_fit(lack: Table) -> Figure:
+    lines = []
+    for label, colour, rows in _levels(lack):
+        off, *ends = (
+            in_display_unit(rows[name], "Pa/s")
+            for name in ("difference", "model", "model_ci_high", "measured", "measured_ci_high")
+        )
+        allowed = np.maximum(ends[1] - ends[0], ends[3] - ends[2])
+        outside = rows["outside"].astype(bool)
+        lines.append(Line(rows["u"], off, label, colour, width=1.0, band=(-allowed, allowed)))
+        lines.append(Line(rows["u"][outside], off[outside], colour=colour, style=".", size=4))
     caption = (
         "Lack of fit: measured map minus the model's valve at constant pressure. Bands: the wider of both 95 % "
         "intervals; dots: outside of both."
     )
-    with drawing(caption, "valve command in V", "measured − model in bar/s") as one:
-        for i, level in enumerate(chosen):
-            rows, colour = lack.where(p=level), rank_colour(i, chosen.size)
-            off, *ends = (
-                in_display_unit(rows[name], "Pa/s")
-                for name in ("difference", "model", "model_ci_high", "measured", "measured_ci_high")
-            )
-            allowed = np.maximum(ends[1] - ends[0], ends[3] - ends[2])
-            one.axes.fill_between(rows["u"], -allowed, allowed, color=colour, alpha=0.15, linewidth=0)
-            one.axes.plot(rows["u"], off, color=colour, linewidth=1.0, label=format_quantity(level, "Pa", 2))
-            outside = rows["outside"].astype(bool)
-            one.axes.plot(rows["u"][outside], off[outside], ".", color=colour, markersize=4)
-        one.axes.axhline(0, color=GREY, linewidth=0.6)
-        one.axes.legend()
-    return one
+    titles = ("valve command in V", "measured − model in bar/s")
+    return chart(caption, *titles, *lines, legend="best", extra=zero_line)
 
 
 def _inverse(inverse: Table) -> Drawing:
@@ -255,7 +249,7 @@ def _inverse(inverse: Table) -> Drawing:
     return one
 
 
-def _areas(areas: Table) -> Drawing:
+def _areas(areas: Table) -> Figure:
     unit, opening = areas.units.get("area", "m^2"), areas["opening" if "opening" in areas else "u"]
     caption = "Effective area of the model's valve over command, charging and discharging, with 95 % intervals."
     with drawing(caption, "valve command in V", f"effective area in {unit_symbol(unit)}") as one:
@@ -269,7 +263,7 @@ def _areas(areas: Table) -> Drawing:
             one.axes.errorbar(rows["u"], area, spread, fmt="o-", color=colour, markersize=3, capsize=2, label=label)
         one.axes.set_ylim(bottom=0)
         one.axes.legend()
-    return one
+    return figures([one])[0]
 
 
 def _tables(valve: Valve) -> Iterator[Grid]:

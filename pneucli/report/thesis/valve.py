@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from pneucli.arrays import Array
 from pneucli.messages.formatting import format_number, format_plain, in_display_unit
 from pneucli.physics.gas import CRITICAL_RATIO, PSI_MAX, choked_maximum, choked_ratio, isentropic_flow_function
 from pneucli.physics.vectorised import flow_functions
-from pneucli.report.figure import BLUE, GREY, ORANGE, Line, chart, reduced
+from pneucli.report.figure import BLUE, GREY, ORANGE, Line, chart, reduced, zero_line
 from pneucli.report.page_elements import Figure, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.thesis.friction import friction_laws, sliding_sectors
@@ -201,8 +201,7 @@ def _over_voltage(grid: Table) -> Figure:
     rows = grid.where(p=level)
     caption = f"Figure 7.24: pressure gradient over voltage at {format_number(1e-5 * level, 2)} bar."
     line = Line(rows["u"], in_display_unit(rows["p_gradient"], "Pa/s"), colour=BLUE)
-    zero: Callable[[Axes], object] = lambda axes: axes.axhline(0, color=GREY, linewidth=0.6)  # noqa: E731
-    return chart(caption, "valve command in V", "pressure gradient in bar/s", line, extra=zero)
+    return chart(caption, "valve command in V", "pressure gradient in bar/s", line, extra=zero_line)
 
 
 def _nearest_commands(areas: Table, opening: Array) -> NDArray[np.bool_]:

@@ -1,7 +1,5 @@
 """Five toy stages: raw -> model -> judge, plan (only with a [plan] table), and page over all of them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,8 +17,7 @@ _ALL = (
     Stage("model", "", parents=("raw",), tables=("model",), package=__name__),
     Stage("judge", "", parents=("model",), tables=("judge",), package=__name__),
     Stage("plan", "", parents=("model",), tables=("plan",), package=__name__),
-    Stage("page", "", parents=("judge",), optional=("plan", "unwritten"), tables=("checks",), package=__name__),
-    Stage("unwritten", "", parents=("model",), package=__name__),
+    Stage("page", "", parents=("judge",), optional=("plan",), tables=("checks",), package=__name__),
 )
 STAGES = {stage.name: stage for stage in _ALL}
 

@@ -1,0 +1,5 @@
+from pneucli.pipeline.context import Context, NotApplicable
+
+
+def run(context: Context) -> dict[str, object]:
+    raise NotApplicable("bench", "nothing to simulate")
