@@ -14,17 +14,19 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.errors import InputError
 
 DEFAULT_TOLERANCE = 1e-10  # singular values below this share of the first are zero, unless the caller says otherwise
 _ROUNDING_TOLERANCE = (
     1e-14  # cut on the way: about 50 roundings, below what double precision resolves in a long unfolding
 )
+_EPS = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,13 @@ class Spectrum:
 
     singular_values: Array
     rank: int
+
+    @property
+    def gap(self) -> float:
+        """Last kept over first discarded singular value; near 1 the rank is arbitrary, at most 1 / eps."""
+        tail = self.singular_values[self.rank :]
+        floor = max(tail[0] if tail.size else 0.0, _EPS * self.singular_values[0])
+        return float(self.singular_values[self.rank - 1] / floor) if floor else math.inf
 
     @property
     def discarded(self) -> float:
@@ -60,16 +69,22 @@ class Hosvd:
     spectra: tuple[Spectrum, ...]
 
 
-def hosvd(samples: Array, parameters: int, tolerance: float = DEFAULT_TOLERANCE) -> Hosvd:
+def hosvd(
+    samples: Array, parameters: int, rank: Sequence[int] | None = None, tolerance: float = DEFAULT_TOLERANCE
+) -> Hosvd:
     """Decompose samples on a grid by the higher-order singular value decomposition.
 
     Args:
         samples: Samples, shape (n_1, ..., n_N, ...); further axes are those of a matrix at each node.
         parameters: Number N of leading axes to decompose.
+        rank: Largest number of singular values kept per mode (reduced HOSVD); None: no bound.
         tolerance: Singular values above this share of the first of their mode are kept (compact HOSVD); 0 keeps all.
 
     Returns:
         The decomposition. Its error in the Frobenius norm is at most ``sqrt(sum(s.discarded**2 for s in spectra))``.
+
+    Raises:
+        InputError: ``rank`` has another length than ``parameters`` or an entry below 1.
 
     References:
         Thesis figure 4.3; De Lathauwer, De Moor, Vandewalle (2000), equation 24.
@@ -81,6 +96,8 @@ def hosvd(samples: Array, parameters: int, tolerance: float = DEFAULT_TOLERANCE)
     >>> bool(np.allclose(parts.bases[0] @ parts.core @ parts.bases[1].T, x * y + 1))
     True
     """
+    if rank is not None and (len(rank) != parameters or min(rank) < 1):
+        raise InputError("rank", f"{tuple(rank)}", f"{parameters} whole numbers from 1", code="E090")
     floor = min(_ROUNDING_TOLERANCE, tolerance)
     core, bases, values = samples, {}, {}
     for mode in sorted(range(parameters), key=samples.shape.__getitem__):
@@ -88,6 +105,8 @@ def hosvd(samples: Array, parameters: int, tolerance: float = DEFAULT_TOLERANCE)
         bases[mode] = basis[:, : _count_above(values[mode], floor)]
         core = contract(core, bases[mode].T, mode)
     ranks = [_count_above(values[k], tolerance) for k in range(parameters)]
+    if rank is not None:
+        ranks = [min(pair) for pair in zip(ranks, rank, strict=True)]
     return Hosvd(
         tuple(bases[k][:, :r] for k, r in enumerate(ranks)),
         core[tuple(slice(r) for r in ranks)],

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +17,11 @@ from pneucli.tp.hosvd import DEFAULT_TOLERANCE, Hosvd, Spectrum, contract, hosvd
 from pneucli.tp.sampling import as_grids, locate, require_finite
 from pneucli.tp.simplex import affine_frame
 from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+Scaling = Literal["peak", "none"]
 
 _MAX_CHUNK = 2**22  # numbers of one reconstructed piece while errors are taken
 
@@ -49,11 +56,13 @@ class TPModel:
         """All vertices in one row, shape (R, ...); the last parameter's index runs fastest."""
         return self.vertices.reshape(-1, *self.errors.shape)
 
-    def weights_at(self, *parameters: ArrayLike) -> list[Array]:
-        """Interpolate the weights linearly, which keeps them convex: their sum is 1, none is negative.
+    def weights_at(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> list[Array]:
+        """Interpolate the weights.
 
         Args:
             parameters: One array for each parameter, within the grids.
+            interpolation: ``linear`` keeps the weights convex: their sum is 1, none is negative. ``cubic`` (spline) is
+                closer to the sampled function between nodes and keeps the sum, but may leave [0, 1] slightly there.
 
         Returns:
             For each parameter the weights, the shape of its array and then (v_k,).
@@ -69,13 +78,16 @@ class TPModel:
             _inside(g, np.asarray(p, dtype=np.float64), k)
             for k, (g, p) in enumerate(zip(self.grids, parameters, strict=True))
         ]
+        if interpolation == "cubic":
+            return [np.asarray(spline(p)) for spline, p in zip(self._splines, at, strict=True)]
         return [_linear(g, w, p) for g, w, p in zip(self.grids, self.weights, at, strict=True)]
 
-    def evaluate(self, *parameters: ArrayLike) -> Array:
+    def evaluate(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> Array:
         """Evaluate S on the domain.
 
         Args:
             parameters: One array for each parameter, broadcast together.
+            interpolation: As of :meth:`weights_at`.
 
         Returns:
             The matrices: the shape of the parameters, then that of the matrix.
@@ -83,7 +95,7 @@ class TPModel:
         Raises:
             InputError: As of :meth:`weights_at`.
         """
-        weights = self.weights_at(*np.broadcast_arrays(*parameters))
+        weights = self.weights_at(*np.broadcast_arrays(*parameters), interpolation=interpolation)
         shape = weights[0].shape[:-1]
         rows = [w.reshape(-1, w.shape[-1]) for w in weights]
         answer = np.tensordot(rows[0], self.vertices, axes=1)
@@ -91,23 +103,32 @@ class TPModel:
             answer = np.einsum("nv,nv...->n...", row, answer)
         return np.asarray(answer.reshape((*shape, *self.errors.shape)))
 
+    @cached_property
+    def _splines(self) -> list[CubicSpline]:
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
+
+        return [CubicSpline(g, w) for g, w in zip(self.grids, self.weights, strict=True)]
+
 
 def transform(
     samples: ArrayLike,
     grids: Sequence[ArrayLike],
     weight_type: WeightType = "cno",
+    rank: Sequence[int] | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
+    scaling: Scaling | ArrayLike = "peak",
 ) -> TPModel:
     """Transform samples on a grid into a TP model.
-
-    Each entry is divided by its largest absolute value before the decomposition: in SI units friction's singular value
-    is 3e-5 of the first, and would be cut.
 
     Args:
         samples: Samples, shape (n_1, ..., n_N, ...).
         grids: Nodes of each parameter, N arrays (n_k,), rising.
         weight_type: Type of the weights (:mod:`pneucli.tp.weights`).
+        rank: Largest rank of each parameter; None: no bound.
         tolerance: Share of a mode's first singular value below which singular values are cut.
+        scaling: Divisor of each entry before the decomposition: ``peak``, its largest absolute value; ``none``, 1; or
+            an array that broadcasts to the shape of the matrix. In SI units friction's singular value is 3e-5 of the
+            first, and would be cut without scaling.
 
     Returns:
         The model. A mode of rank r has r vertices where a constant lies in the span of its weights, else r + 1.
@@ -129,10 +150,9 @@ def transform(
     if values.shape[: len(sizes)] != sizes:
         raise InputError("samples", f"shape {values.shape}", f"shape {sizes} and then the matrix", code="E090")
     require_finite(values, axes)
-    peak = np.abs(values).max(axis=tuple(range(len(sizes))))
-    scale = np.where(peak > 0, peak, 1.0)
+    scale = _scale(values, len(sizes), scaling)
     scaled = values / scale
-    parts = hosvd(scaled, len(sizes), tolerance)
+    parts = hosvd(scaled, len(sizes), rank, tolerance)
     weights, core = _convex(parts, weight_type, tolerance)
     errors = _max_errors(scaled, weights, core) * scale
     return TPModel(axes, weights, core * scale, weight_type, scale, errors, parts.spectra)
@@ -173,6 +193,19 @@ def _convex(parts: Hosvd, weight_type: WeightType, tolerance: float) -> tuple[tu
         weights.append(columns)
         core = contract(core, vertices, mode)
     return tuple(weights), core
+
+
+def _scale(values: Array, parameters: int, scaling: Scaling | ArrayLike) -> Array:
+    shape = values.shape[parameters:]
+    if isinstance(scaling, str):
+        if scaling not in ("peak", "none"):
+            raise InputError("scaling", repr(scaling), '"peak", "none" or an array', code="E090")
+        peak = np.abs(values).max(axis=tuple(range(parameters)))
+        return np.where((peak > 0) & (scaling == "peak"), peak, 1.0)
+    given = np.asarray(scaling, dtype=np.float64)
+    if not np.all(given > 0):
+        raise InputError("scaling", f"{given}", "above 0", code="E090")
+    return np.array(np.broadcast_to(given, shape))
 
 
 def _max_errors(samples: Array, weights: Sequence[Array], vertices: Array) -> Array:

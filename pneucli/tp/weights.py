@@ -271,7 +271,7 @@ def _simplex(h: Array, weight_type: WeightType) -> Array:
             f"weight type {weight_type}",
             f"{d + 1} vertices",
             wanted,
-            "raise the tolerance (noise has full rank)",
+            "bound the rank (noise has full rank)",
             code="E090",
         )
     makers: dict[WeightType, Callable[[Array], Array]] = {
