@@ -247,15 +247,20 @@ def _dropped(
 ) -> Kept:
     """Drop the least probable effect, again and again, until all are probable: a proxy of an unmodelled effect takes
     cost from the others. ``known`` are fits by the names of their effects, to which others are added; those that only
-    rank are among ``first_fits``.
+    rank are among ``first_fits``. A fit of the path may have ended in a local minimum that one more effect led out of:
+    it is fitted once more from there.
     """
-    last, refused = path[-1], list[Judgement]()
+    last, refused, on_path = path[-1], list[Judgement](), {frozenset(one.effect_names) for one in path[1:]}
     while added := [data.effects[name] for name in last.effect_names if name not in path[0].effect_names]:
         names = [frozenset(last.effect_names) - {effect.name} for effect in added]
-        unknown = [(key, effect) for key, effect in zip(names, added, strict=True) if key not in known]
-        refits = data.refit_without(last, [effect for _, effect in unknown])
-        known.update({key: one for (key, _), one in zip(unknown, refits, strict=True)})
-        first_fits.update(key for key, _ in unknown)
+        open_sets = [(k, effect) for k, effect in zip(names, added, strict=True) if k not in known or k in on_path]
+        refits = data.refit_without(last, [effect for _, effect in open_sets])
+        found = {
+            k: one for (k, _), one in zip(open_sets, refits, strict=True) if k not in known or one.cost < known[k].cost
+        }
+        known.update(found)
+        first_fits.update(found)
+        on_path.difference_update(names)
         terms = [Term(data.candidate(known[key], last, one), ()) for key, one in zip(names, added, strict=True)]
         judged = [judge(data, term) for term in terms]
         # the least probable one that may not stay goes, whatever is found of the others: that asks for their free runs

@@ -84,7 +84,7 @@ def test_without_a_rule_the_answer_to_its_case_is_another(rule: str) -> None:
     assert (without.added, reasons(without)) != (found.added, reasons(found))
 
 
-def test_no_model_of_the_path_is_fitted_twice() -> None:
+def test_a_model_of_the_path_is_fitted_again_only_from_the_larger_one_that_follows_it() -> None:
     fitted, reduced = list[frozenset[str]](), list[set[str]]()
 
     def recorded(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedModel]:
@@ -96,7 +96,28 @@ def test_no_model_of_the_path_is_fitted_twice() -> None:
     data = data_of(case, run_refits=recorded)
     assert select_effects(data, data.model_with([])).added == ["b", "a"]
     assert sorted(map(sorted, fitted)) == [["a"], ["a", "b"], ["b"]]
-    assert reduced == [{"a"}]  # the path has "b" and the model without an effect
+    assert sorted(map(sorted, reduced)) == [["a"], ["b"]]  # "b" is on the path
+
+
+def test_a_fit_of_the_path_that_ended_in_a_local_minimum_is_left_by_way_of_the_larger_model() -> None:
+    """The fit with "b" alone explains almost nothing where it starts without an effect, and more from that with both."""
+
+    def astray(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedModel]:
+        found = run_locally(data, refits)
+        from_none = [r.kind == "add" and not r.base.effect_names and r.effect.name == "b" for r in refits]
+        return [worse(data, one) if wrong else one for one, wrong in zip(found, from_none, strict=True)]
+
+    def worse(data: DiagnosisData, one: FittedModel) -> FittedModel:
+        moved = replace(one, costs=1.3 * one.costs, train_costs=1.3 * one.train_costs)
+        data.lack_of_fit_cache[moved] = data.lack_of_fit_cache[one]
+        return moved
+
+    case = named("of two effects the larger one is first")
+    data = data_of(case, run_refits=astray)
+    found = select_effects(data, data.model_with([]))
+    assert found.added == ["b", "a"]
+    both = found.terms["a"].candidate
+    assert both.reduced.cost == pytest.approx(data.model_with(["b"]).cost)
 
 
 def test_without_a_search_the_path_is_the_given_model() -> None:
