@@ -100,7 +100,7 @@ def test_a_model_of_the_path_is_fitted_again_only_from_the_larger_one_that_follo
 
 
 def test_a_fit_of_the_path_that_ended_in_a_local_minimum_is_left_by_way_of_the_larger_model() -> None:
-    """The fit with "b" alone explains almost nothing where it starts without an effect, and more from that with both."""
+    """The fit with "b" alone explains little where it starts without an effect, and more where it starts from both."""
 
     def astray(data: DiagnosisData, refits: Sequence[Refit]) -> list[FittedModel]:
         found = run_locally(data, refits)

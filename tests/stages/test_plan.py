@@ -111,9 +111,7 @@ def test_an_unknown_effect_and_limits_without_a_manoeuvre_are_refused(ingested: 
     with pytest.raises(InputError, match="stribeck"):
         planned(ingested, tmp_path, DIAGNOSES["nothing"], effects=["stribek"])
     narrow = load(BENCH).model_copy(update={"plan": load(BENCH).plan.model_copy(update={"max_pressure": 1e4})})
-    with pytest.raises(
-        InputError, match=r"the nearest is .* pressure of chamber 1"
-    ):
+    with pytest.raises(InputError, match=r"the nearest is .* pressure of chamber 1"):
         planned(replace(ingested, config=narrow), tmp_path, DIAGNOSES["nothing"])
     with pytest.raises(InputError, match="--minutes"):
         planned(ingested, tmp_path, DIAGNOSES["nothing"], minutes=0.1)
