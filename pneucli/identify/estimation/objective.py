@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from pneucli.executors.engine import map_in_threads, simulations_at_once
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
+from pneucli.identify.residuals.base import Places
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.model import Model, with_parameters
 
@@ -111,31 +111,25 @@ class LeastSquaresProblem:
         for j in columns:
             if out[: self.data_size, j].any():
                 out[: self.data_size, j] = 0.0
-        lock, jobs = Lock(), []
-
-        def write(i: int, j: int, change: Array) -> None:
-            size = self.residual_models[i].experiment.time.size
-            for first in range(0, change.size, size):
-                part, start = change[first : first + size], rows[i].start + first
-                if part.any():  # zeros that are not written take no memory
-                    with lock:
-                        out[start : start + size, j] += part
+        jobs = list[Callable[[], None]]()
 
         def difference(i: int, j: int) -> None:
+            one = self.residual_models[i]
             for step, model in shifted[j]:
-                change = whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[rows[i]]
-                write(i, j, change / (step * len(shifted[j])))
+                change = whitened_residual(one, model, self.errors[i]) - nominal[rows[i]]
+                for channel in channel_slices([one]):
+                    if change[channel].any():  # zeros that are not written take no memory
+                        out[rows[i], j][channel] += change[channel] / (step * len(shifted[j]))
 
-        def simulate(i: int, some: Sequence[int]) -> None:
-            for part, derivatives in self.residual_models[i].derivatives(directions, self.errors[i], some):
-                for place, column in zip(part, derivatives, strict=True):
-                    write(i, columns[place], column)
+        def simulate(i: int, some: NDArray[np.intp]) -> None:
+            places = Places(out.T, np.array(columns)[some], rows[i].start)
+            self.residual_models[i].write_derivatives(directions, self.errors[i], some, places)
 
         for i, one in enumerate(self.residual_models):
             changed = np.array([one.differs(base, shifted[j][0][1]) for j in columns], dtype=bool)
             simulated = changed & smooth & one.differentiable(directions)
             if simulated.any():
-                jobs.append(partial(simulate, i, np.flatnonzero(simulated).tolist()))
+                jobs.append(partial(simulate, i, np.flatnonzero(simulated)))
             jobs += [partial(difference, i, columns[place]) for place in np.flatnonzero(changed & ~simulated).tolist()]
         map_in_threads(lambda job: job(), jobs, self.max_parallel)
 
