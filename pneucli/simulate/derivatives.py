@@ -111,8 +111,8 @@ def differentiable(directions: Directions, experiment: Experiment) -> NDArray[np
 
 
 def derivatives(
-    directions: Directions, experiment: Experiment, some: Sequence[int] | NDArray[np.intp]
-) -> Iterator[tuple[int, Array]]:
+    directions: Directions, experiment: Experiment, some: Sequence[int]
+) -> Iterator[tuple[tuple[int, ...], Array]]:
     """Differentiate the readings of a simulation by some parameters, as many at a time as a dual number holds.
 
     Args:
@@ -121,8 +121,8 @@ def derivatives(
         some: Indices of parameters for which :func:`differentiable` holds.
 
     Yields:
-        The place of the first parameter in ``some``, and the output as dual numbers, shape (n, 7, 1 + LANES), in a unit
-        of the parameter: the derivatives by it and those after it follow the value. The next one overwrites it.
+        Indices of parameters, and the output as dual numbers, shape (n, 7, 1 + LANES), in a unit of the parameter: a
+        derivative stands at the place of its parameter, after the value. The next one overwrites it.
     """
     kernel, model = kernel_for(directions.model.effects), directions.model
     time, inputs, restarts, base, th, on, flags, *areas, h_max, h_given = kernel_arguments(
@@ -139,7 +139,7 @@ def derivatives(
         out = _scratch(experiment.time.size)
         kernel.run_duals(time, inputs, restarts, *rows, on, flags, *areas, h_max, h_given, *slopes, places, out)
         _read_temperature(directions, experiment, part, out)
-        yield first, out
+        yield part, out
 
 
 def _read_temperature(directions: Directions, experiment: Experiment, part: Sequence[int], out: Array) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
+from pneucli.caches import compiled
 from pneucli.identify.residuals import ResidualModel
 
 MIN_BLOCK_LENGTH = 0.25  # s, longer than the residuals' memory
@@ -57,6 +58,21 @@ def channel_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
     """Return the rows of each channel of each residual model in the stacked residuals."""
     ends = np.cumsum([0, *(one.experiment.time.size for one in residual_models for _ in one.channels)]).tolist()
     return [slice(*rows) for rows in pairwise(ends)]
+
+
+def clear(jacobian: Array, columns: Sequence[int], parts: Sequence[slice]) -> None:
+    """Write zeros to parts of columns of derivatives (N, k), column after column in memory, where they are not zero."""
+    _clear(jacobian.T, np.array(columns, dtype=np.intp), np.array([(part.start, part.stop) for part in parts]))
+
+
+@compiled(nogil=True)
+def _clear(columns: Array, some: NDArray[np.intp], parts: NDArray[np.int64]) -> None:
+    for j in some:
+        for p in range(len(parts)):
+            part, i = columns[j, parts[p, 0] : parts[p, 1]], 0
+            while i < part.size and part[i] == 0.0:  # what was never written takes no memory, and shall not
+                i += 1
+            part[i:] = 0.0
 
 
 def copy_nonzero(

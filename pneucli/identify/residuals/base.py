@@ -47,7 +47,7 @@ class DiscrepancyTerm:
 
 
 class Places(NamedTuple):
-    """Places of derivatives: ``rows`` (m,) of ``array`` (k, N), column after column from ``start`` on.
+    """Places of derivatives: the row of each parameter in ``array`` (k, N), column after column from ``start`` on.
 
     The array holds zeros there; zeros that are not written take no memory.
     """
@@ -125,7 +125,7 @@ class ResidualModel(ABC):
         return np.zeros(len(directions.steps), dtype=bool)
 
     def write_derivatives(
-        self, directions: Directions, errors: Mapping[str, Array], some: NDArray[np.intp], places: Places
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int], places: Places
     ) -> None:
         """Differentiate the residuals by some parameters for which :meth:`differentiable` holds.
 
@@ -133,7 +133,7 @@ class ResidualModel(ABC):
             directions: The parameters.
             errors: Sensitivities to the initial state.
             some: Indices of parameters.
-            places: Where the derivatives by each of these belong, in units of noise, weighted, channel after channel.
+            places: Where derivatives belong, in units of noise, weighted, channel after channel.
         """
         raise NotImplementedError
 

@@ -34,7 +34,6 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.derivatives import COLUMNS, Directions, derivatives, differentiable
-from pneucli.simulate.dual import LANES
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import run, simulate
@@ -86,12 +85,12 @@ class ChamberPressures(ResidualModel):
         return differentiable(directions, self.experiment)
 
     def write_derivatives(
-        self, directions: Directions, errors: Mapping[str, Array], some: NDArray[np.intp], places: Places
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int], places: Places
     ) -> None:
         """Differentiate the residuals by some parameters, see :meth:`ResidualModel.write_derivatives`."""
         e = self.experiment
-        for first, simulated in derivatives(directions, e, some):
-            rows = places.rows[first : first + LANES]
+        for part, simulated in derivatives(directions, e, some):
+            rows = places.rows[list(part)]
             for start, c in zip(itertools.count(places.start, e.time.size), self.channels, strict=False):
                 factor = -self.weights.get(c, 1.0) / self.noise[c]
                 written = _write_derivatives(simulated, COLUMNS[c], factor, self.measured[c], places.array, rows, start)
