@@ -61,7 +61,18 @@ def channel_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
 
 
 def clear(jacobian: Array, columns: Sequence[int], parts: Sequence[slice]) -> None:
-    """Write zeros to parts of columns of derivatives (N, k), column after column in memory, where they are not zero."""
+    """Write zeros to parts of columns of derivatives where they are not zero: others take no memory, and shall not.
+
+    Args:
+        jacobian: Derivatives, shape (N, k), column after column in memory.
+        columns: Which columns.
+        parts: Which rows, part by part.
+
+    >>> jacobian = np.ones((3, 2), order="F")
+    >>> clear(jacobian, [1], [slice(0, 2)])
+    >>> jacobian.tolist()
+    [[1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    """
     _clear(jacobian.T, np.array(columns, dtype=np.intp), np.array([(part.start, part.stop) for part in parts]))
 
 
@@ -70,7 +81,7 @@ def _clear(columns: Array, some: NDArray[np.intp], parts: NDArray[np.int64]) -> 
     for j in some:
         for p in range(len(parts)):
             part, i = columns[j, parts[p, 0] : parts[p, 1]], 0
-            while i < part.size and part[i] == 0.0:  # what was never written takes no memory, and shall not
+            while i < part.size and part[i] == 0.0:
                 i += 1
             part[i:] = 0.0
 
