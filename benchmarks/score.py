@@ -145,6 +145,7 @@ def _measured(words: Sequence[str]) -> tuple[int, str, float, float]:
         **os.environ,
         **dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "PNEUCLI_THREADS"), "1"),
         "PNEUCLI_DATA": os.environ.get("PNEUCLI_DATA") or str(shared_folder() / "real"),
+        "PYTHONDONTWRITEBYTECODE": "",  # as installed, the program's byte code is on disk
     }
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as messages:
         child = subprocess.Popen(words, stdout=out, stderr=messages, stdin=subprocess.DEVNULL, env=environment)

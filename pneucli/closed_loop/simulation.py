@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.controller import layout
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
@@ -19,7 +19,6 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import read_only
 
 
 @dataclass(frozen=True)

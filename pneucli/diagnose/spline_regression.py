@@ -123,6 +123,7 @@ class SmoothTerm:
 
 PENALTIES = (1e-5, 1e-3, 1e-1, 1e1, 1e3)  # of the second differences, over the mean curvature
 MAX_SAMPLES = 8000  # of a channel
+FUNCTIONS_AT_ONCE = 10  # whose responses are in memory at full length
 SINGLE_RECORDING_FOLDS = 4  # of a single recording
 MIN_SIMPLE_SHARE = 0.95  # of the share of a spline: a simple shape with as much replaces it
 EXCLUDED_SIGNAL = "a"  # the accelerometer's noise is in the force, too
@@ -224,11 +225,11 @@ class SplineRegression:
     def _thinned_responses(self, i: int, term: DiscrepancyTerm, basis: Array) -> Array:
         """Return the whitened response of a recording to each basis function (k, m) at the samples in use."""
         out = np.empty((len(basis), self._kept[i].size), dtype="float32")  # about 30 of these are in memory
-        for row, function in zip(out, basis, strict=True):  # one after another: at full length they take much more
-            response = {self._name: term.to_residual(function[None] * term.unit_signal)}
+        for first in range(0, len(basis), FUNCTIONS_AT_ONCE):
+            response = {self._name: term.to_residual(basis[first : first + FUNCTIONS_AT_ONCE] * term.unit_signal)}
             whitened = self._residual_models[i].apply_whitening(response, self._errors[i])[self._name]
-            row[:] = np.nan_to_num(whitened[0, self._kept[i]], posinf=0.0, neginf=0.0)  # of a diverging model
-        return out
+            out[first : first + FUNCTIONS_AT_ONCE] = whitened[:, self._kept[i]]
+        return np.nan_to_num(out, copy=False, posinf=0.0, neginf=0.0)  # of a diverging model
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.plan.bench import Bench, State
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome, sample
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_motion_step
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector_of, kernel_for, read_only
+from pneucli.simulate.run import base_vector_of, kernel_for
 
 DRIVE_BANDWIDTH = 12.0  # Hz, of a bench's own drive that follows a position reference
 MAX_RESPONSE_PERIODS = 4.0  # of that frequency: its impulse response has decayed to 2e-8

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
+from pneucli.caches import compiled, part
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -56,17 +57,53 @@ def recorded_late(experiment: Experiment, force: Array, v: Array, delay: float) 
     Returns:
         Force in N, shape (n,).
     """
-    time, period = experiment.time, experiment.recording.period
-    earlier = np.clip(time - delay, time[0], time[-1])
-    after = np.clip(np.searchsorted(time, earlier), 1, time.size - 1)
-    way = (earlier - time[after - 1]) / (time[after] - time[after - 1])
-    speed = (1.0 - way) * v[after - 1] + way * v[after]
-    turned, turning = (np.sign(v[k]) * np.sign(speed) < 0.0 for k in (after - 1, after))
-    way = np.where(turned, 1.0, np.where(turning, 0.0, way))  # along the samples of the same direction
-    change = np.abs(np.interp(earlier + period, time, v) - np.interp(earlier - period, time, v)) / 2.0
-    share = np.minimum(np.abs(speed) / np.maximum(change, MIN_SPEED), 1.0) * (earlier == time - delay)
-    acting = (1.0 - way) * force[after - 1] + way * force[after]
-    return np.asarray(share * acting + (1.0 - share) * experiment.raw["force"])
+    e, out = experiment, np.empty(experiment.time.size)
+    signals = read_only(e.time), read_only(force), read_only(v), read_only(e.raw["force"])
+    _write_recorded_late(*signals, e.recording.period, delay, out)
+    return out
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_recorded_late(
+    time: Array, force: Array, v: Array, recorded: Array, period: float, delay: float, out: Array
+) -> None:
+    """Write the force at each sample, in one pass."""
+    place = before = behind = 1
+    for i in range(time.size):
+        earlier = min(max(time[i] - delay, time[0]), time[-1])
+        place, before = _next_sample(time, earlier, place), _next_sample(time, earlier - period, before)
+        behind = _next_sample(time, earlier + period, behind)
+        way, speed = _share_of_way(time, earlier, place), _interpolated(time, v, earlier, place)
+        if np.sign(v[place - 1]) * np.sign(speed) < 0.0:  # along the samples of the same direction
+            way = 1.0
+        elif np.sign(v[place]) * np.sign(speed) < 0.0:
+            way = 0.0
+        later = _interpolated(time, v, earlier + period, behind)
+        change = abs(later - _interpolated(time, v, earlier - period, before)) / 2.0
+        share = min(abs(speed) / max(change, MIN_SPEED), 1.0) if earlier == time[i] - delay else 0.0
+        acting = (1.0 - way) * force[place - 1] + way * force[place]
+        out[i] = share * acting + (1.0 - share) * recorded[i]
+
+
+@part()
+def _next_sample(time: Array, wanted: float, place: int) -> int:
+    """Return the first sample from ``place`` on, if not the last one, that is not before a time."""
+    while place < time.size - 1 and time[place] < wanted:
+        place += 1
+    return place
+
+
+@part()
+def _share_of_way(time: Array, wanted: float, place: int) -> float:
+    """Return how far a time is on the way to a sample from the one before, from 0 to 1."""
+    return float(min(max((wanted - time[place - 1]) / (time[place] - time[place - 1]), 0.0), 1.0))
+
+
+@part()
+def _interpolated(time: Array, values: Array, wanted: float, place: int) -> float:
+    """Return a signal between a sample and the one before."""
+    way = _share_of_way(time, wanted, place)
+    return float((1.0 - way) * values[place - 1] + way * values[place])
 
 
 def force_delay(model: Model, experiment: Experiment) -> float:

@@ -196,8 +196,11 @@ def with_parameters(model: Model, values: dict[str, float]) -> Model:
     """
     valves = model.valve_parameters()
     rest = {name: v for name, v in values.items() if name not in valves}
+    if len(rest) == len(values):
+        return model.with_values(rest)
     second = None if model.valve_2 is None else model.valve_2.with_parameters(values)
-    return replace(model.with_values(rest), valve=model.valve.with_parameters(values), valve_2=second)
+    valve = model.valve.with_parameters(values)
+    return replace(model, values={**model.values, **rest}, valve=valve, valve_2=second)
 
 
 def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model:

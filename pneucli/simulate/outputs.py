@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.force_clock import force_delay, recorded_late, with_force_in_time
 from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, kernel_for, read_only, simulate, with_inferred_pressures
+from pneucli.simulate.run import base_vector, kernel_for, simulate, with_inferred_pressures
 
 RELATIVE_START_STEP = 1e-3  # of the start, for a difference quotient; and the least start
 

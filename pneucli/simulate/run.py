@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides, with_catalogue
 from pneucli.simulate import layout as at
@@ -185,16 +185,6 @@ def kernel_arguments(kernel: Kernel, model: Model, experiment: Experiment, input
         experiment.max_step,
         experiment.max_given_step,
     )
-
-
-def read_only(values: Array) -> Array:
-    """Return values (n,) of any unit as an array that cannot be written: a kernel is compiled anew for one that can.
-
-    Those of a file cannot, those of a calculation can; the kernel writes to neither.
-    """
-    view = np.ascontiguousarray(values).view()
-    view.flags.writeable = False
-    return view
 
 
 def area_tables(model: Model, experiment: Experiment) -> tuple[Array, Array]:

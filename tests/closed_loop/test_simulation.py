@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pneucli.arrays import read_only
 from pneucli.closed_loop.metrics import evaluate_run, without_component
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, closed_loop_kernel, simulate
@@ -18,7 +19,6 @@ from pneucli.physics.effects import catalogue, with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import build
 from pneucli.simulate.kernel_settings import max_motion_step
-from pneucli.simulate.run import read_only
 from tests.design import axis
 
 MODEL, CONTROLLER = axis.model(), axis.controller()

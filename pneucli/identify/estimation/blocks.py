@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
+from pneucli.caches import compiled
 from pneucli.identify.residuals import ResidualModel
 
 MIN_BLOCK_LENGTH = 0.25  # s, longer than the residuals' memory
@@ -57,6 +58,32 @@ def channel_slices(residual_models: Sequence[ResidualModel]) -> list[slice]:
     """Return the rows of each channel of each residual model in the stacked residuals."""
     ends = np.cumsum([0, *(one.experiment.time.size for one in residual_models for _ in one.channels)]).tolist()
     return [slice(*rows) for rows in pairwise(ends)]
+
+
+def clear(jacobian: Array, columns: Sequence[int], parts: Sequence[slice]) -> None:
+    """Write zeros to parts of columns of derivatives where they are not zero: others take no memory, and shall not.
+
+    Args:
+        jacobian: Derivatives, shape (N, k), column after column in memory.
+        columns: Which columns.
+        parts: Which rows, part by part.
+
+    >>> jacobian = np.ones((3, 2), order="F")
+    >>> clear(jacobian, [1], [slice(0, 2)])
+    >>> jacobian.tolist()
+    [[1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+    """
+    _clear(jacobian.T, np.array(columns, dtype=np.intp), np.array([(part.start, part.stop) for part in parts]))
+
+
+@compiled(nogil=True)
+def _clear(columns: Array, some: NDArray[np.intp], parts: NDArray[np.int64]) -> None:
+    for j in some:
+        for p in range(len(parts)):
+            part, i = columns[j, parts[p, 0] : parts[p, 1]], 0
+            while i < part.size and part[i] == 0.0:
+                i += 1
+            part[i:] = 0.0
 
 
 def copy_nonzero(
@@ -120,17 +147,42 @@ def group_sums(jacobian: Array, residual: Array, groupings: Sequence[NDArray[np.
     >>> sums.scores.ravel().tolist(), sums.curvatures.ravel().tolist()
     ([3.0, 4.0], [5.0, 16.0])
     """
-    k = jacobian.shape[1]
-    sums = [np.zeros((int(labels.max()) + 1, k + 1, k + 1)) for labels in groupings]
+    k, counts = jacobian.shape[1], [int(labels.max()) + 1 for labels in groupings]
+    firsts = np.cumsum([0, *counts])
+    sums = np.zeros((firsts[-1], k + 1, k + 1))
+    labels = np.array([one + first for one, first in zip(groupings, firsts, strict=False)])
     for rows, columns, part in _chunks(jacobian, residual):
-        places = np.ix_([*columns, k], [*columns, k])
-        for labels, out in zip(groupings, sums, strict=True):
-            order = np.argsort(labels[rows], kind="stable")
-            own = labels[rows][order]
-            starts = np.flatnonzero(np.diff(own, prepend=-1))
-            for label, group in zip(own[starts], np.split(part[order], starts[1:]), strict=True):
-                out[label][places] += group.T @ group
-    return [GroupSums(out[:, :k, k], out[:, :k, :k]) for out in sums]
+        _add_products(part, np.array([*columns, k]), labels[:, rows], sums)
+    parts = np.split(sums, firsts[1:-1])
+    return [GroupSums(one[:, :k, k], one[:, :k, :k]) for one in parts]
+
+
+@compiled(nogil=True)
+def _add_products(part: Array, columns: NDArray[np.int64], labels: NDArray[np.int64], sums: Array) -> None:
+    """Add the products of all columns of some rows (n, m) to the sums of the groups of each row, in one pass."""
+    m, is_used = columns.size, np.zeros(len(sums), dtype=np.bool_)
+    products, own = np.empty(m * (m + 1) // 2), np.empty((len(sums), m * (m + 1) // 2))
+    for i in range(len(part)):
+        place = 0
+        for a in range(m):
+            for b in range(a + 1):
+                products[place + b] = part[i, a] * part[i, b]
+            place += a + 1
+        for g in range(len(labels)):
+            label = labels[g, i]
+            if not is_used[label]:
+                is_used[label], own[label] = True, 0.0
+            total = own[label]
+            for j in range(products.size):
+                total[j] += products[j]
+    for label in np.flatnonzero(is_used):
+        place = 0
+        for a in range(m):
+            for b in range(a + 1):
+                sums[label, columns[a], columns[b]] += own[label, place + b]
+                if a != b:
+                    sums[label, columns[b], columns[a]] += own[label, place + b]
+            place += a + 1
 
 
 def weighted_curvature(jacobian: Array, weights: Array) -> Array:

@@ -375,4 +375,4 @@ def merge_partial_fit(
             copy_nonzero(part.jacobian[:, own.index(f.name)], part_rows, jacobian[:, j], own_rows)
         else:
             copy_nonzero(found.jacobian[:, former.index(f.name)], rows, jacobian[:, j], rows)
-    return _fit_summary(problem, z, residual, jacobian)
+    return replace(_fit_summary(problem, z, residual, jacobian), blocks=found.blocks)  # one array for all candidates

@@ -99,16 +99,17 @@ def variance_inflation(fitted: Fit, groups: Iterator[Labels]) -> Array:
 
     """
     inside = np.array([j for j, f in enumerate(fitted.free) if not fitted[f.name].at_bound], dtype=np.intp)
-    jacobian = fitted.jacobian if inside.size == len(fitted.free) else fitted.jacobian[:, inside]
-    inverse_hessian = pseudo_inverse(fitted.curvature[np.ix_(inside, inside)])
+    both = np.ix_(inside, inside)
+    inverse_hessian = pseudo_inverse(fitted.curvature[both])
     root = _matrix_square_root(inverse_hessian)
     by_time, *others = (
-        _bias_reduced_variance(*sums, root) for sums in group_sums(jacobian, fitted.residual, [fitted.blocks, *groups])
+        _bias_reduced_variance(sums.scores[:, inside], sums.curvatures[:, inside[:, None], inside], root)
+        for sums in group_sums(fitted.jacobian, fitted.residual, [fitted.blocks, *groups])
     )
     variance, shown = np.diag(fitted.covariance)[inside], np.zeros(inside.size)
     for one in others:
         shown += np.maximum(one - by_time, 0.0)
-    by_square = weighted_curvature(jacobian, fitted.residual)
+    by_square = weighted_curvature(fitted.jacobian, fitted.residual)[both]
     added = (1.0 + _excess_variance_share(inverse_hessian, by_square)) * shown
     factor = np.ones(len(fitted.free))
     factor[inside] += np.divide(added, variance, out=np.zeros_like(added), where=variance > 0.0)

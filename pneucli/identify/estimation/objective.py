@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
 from pneucli.executors.engine import map_in_threads, simulations_at_once
-from pneucli.identify.estimation.blocks import block_labels, channel_slices, residual_counts, residual_slices
+from pneucli.identify.estimation.blocks import block_labels, channel_slices, clear, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel
+from pneucli.identify.residuals.base import Places
 from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.model import Model, with_parameters
 
@@ -80,8 +80,12 @@ class LeastSquaresProblem:
 
     def prior_residuals(self, z: Array) -> Array:
         """Return the residuals of the priors: on parameters, and on a valve's departure from a power law."""
-        roughness = [valve.roughness() / POWER_LAW_SIGMA for valve in self.model_at(z).valves]
-        return np.concatenate([self.tight * (z - self.centre), *roughness])
+        return np.concatenate([self.tight * (z - self.centre), self._roughness(self.model_at(z))])
+
+    @staticmethod
+    def _roughness(model: Model) -> Array:
+        """Return the departure of the valves from a power law between knots, over what is expected."""
+        return np.concatenate([valve.roughness() / POWER_LAW_SIGMA for valve in model.valves])
 
     def zero_derivatives(self) -> Array:
         """Return zeros for the derivatives (N + p, k).
@@ -105,31 +109,23 @@ class LeastSquaresProblem:
         base = self.model_at(z)
         rows = residual_slices(self.residual_models)
         nominal = self.residuals(z)
-        shifted = {j: [(step, self._shifted(z, j, step)) for step in self._steps(z, j)] for j in columns}
+        shifted = {j: [(step, self._moved(base, z, j, step)) for step in self._steps(z, j)] for j in columns}
         directions = Directions(base, [shifted[j] for j in columns])
         smooth = np.array([self._is_smooth(z, j, base) for j in columns], dtype=bool)
-        for j in columns:
-            if out[: self.data_size, j].any():
-                out[: self.data_size, j] = 0.0
-        lock, jobs = Lock(), []
-
-        def write(i: int, j: int, change: Array) -> None:
-            size = self.residual_models[i].experiment.time.size
-            for first in range(0, change.size, size):
-                part, start = change[first : first + size], rows[i].start + first
-                if part.any():  # zeros that are not written take no memory
-                    with lock:
-                        out[start : start + size, j] += part
+        clear(out, columns, channel_slices(self.residual_models))
+        jobs = list[Callable[[], None]]()
 
         def difference(i: int, j: int) -> None:
+            one = self.residual_models[i]
             for step, model in shifted[j]:
-                change = whitened_residual(self.residual_models[i], model, self.errors[i]) - nominal[rows[i]]
-                write(i, j, change / (step * len(shifted[j])))
+                change = whitened_residual(one, model, self.errors[i]) - nominal[rows[i]]
+                for channel in channel_slices([one]):
+                    if change[channel].any():  # zeros that are not written take no memory
+                        out[rows[i], j][channel] += change[channel] / (step * len(shifted[j]))
 
         def simulate(i: int, some: Sequence[int]) -> None:
-            for part, derivatives in self.residual_models[i].derivatives(directions, self.errors[i], some):
-                for place, column in zip(part, derivatives, strict=True):
-                    write(i, columns[place], column)
+            places = Places(out.T, np.array(columns), rows[i].start)
+            self.residual_models[i].write_derivatives(directions, self.errors[i], some, places)
 
         for i, one in enumerate(self.residual_models):
             changed = np.array([one.differs(base, shifted[j][0][1]) for j in columns], dtype=bool)
@@ -150,10 +146,9 @@ class LeastSquaresProblem:
         step, (lower, upper) = self.free[j].step, self.bounds()
         return step <= DIFFERENCE_STEP and bool(lower[j] + step < z[j] < upper[j] - step)
 
-    def _shifted(self, z: Array, j: int, step: float) -> Model:
-        shifted = z.copy()
-        shifted[j] += step
-        return self.model_at(shifted)
+    def _moved(self, base: Model, z: Array, j: int, step: float) -> Model:
+        """Return the model ``base`` at coordinates z (k,) with one of them moved by a step."""
+        return with_parameters(base, {self.free[j].name: self.free[j].from_coordinate(z[j] + step)})
 
     def correct_jacobian(self, jacobian: Array, before: Array, after: Array, change: Array) -> None:
         """Correct derivatives (N + p, k) in place by the change of the residuals (N + p,) over a step between two
@@ -181,11 +176,13 @@ class LeastSquaresProblem:
 
     def prior_jacobian(self, z: Array) -> Array:
         """Return the derivatives (p, k) of the residuals of the priors."""
-        residuals = self.prior_residuals(z)
-        columns = [
-            (self.prior_residuals(z + DIFFERENCE_STEP * row) - residuals) / DIFFERENCE_STEP for row in np.eye(z.size)
-        ]
-        return np.array(columns).reshape(z.size, residuals.size).T
+        base = self.model_at(z)
+        own, roughness = base.valve_parameters(), self._roughness(base)
+        out = np.vstack([np.diag(self.tight), np.zeros((roughness.size, z.size))])
+        for j in (j for j, f in enumerate(self.free) if f.name in own):
+            moved = self._roughness(self._moved(base, z, j, DIFFERENCE_STEP))
+            out[z.size :, j] = (moved - roughness) / DIFFERENCE_STEP
+        return out
 
     def _steps(self, z: Array, j: int) -> tuple[float, ...]:
         """Return the difference steps of one coordinate: to both sides of an edge, else upward, inward at a bound."""

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.arrays import Array, Mask
+from pneucli.arrays import Array, Mask, read_only
 from pneucli.errors import InputError
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
@@ -27,7 +27,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import least_squares_motion
 from pneucli.simulate.position_smoother import fit_position_smoother
 from pneucli.simulate.preparation import fill_gaps
-from pneucli.simulate.run import kernel_for, read_only
+from pneucli.simulate.run import kernel_for
 from pneucli.simulate.velocity_integration import (
     JUMP_ERROR_RATIO,
     integrate_between_rests,

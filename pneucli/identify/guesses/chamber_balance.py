@@ -7,7 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, Integers, read_only
+from pneucli.caches import compiled
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
@@ -111,13 +112,23 @@ def pressure_deviation(experiment: Experiment, gas: ChamberGas, flow: Array, dec
         The deviation in Pa, shape (k, n).
 
     """
-    floor = MIN_DECAY * float(np.max(np.abs(decay)))
+    floor, out = MIN_DECAY * float(np.max(np.abs(decay))), np.empty(flow.shape)
     scale = np.where(np.abs(decay) > floor, decay, floor)
-    integral = np.cumsum(flow * (gas.stiffness * experiment.recording.period / scale), axis=-1)
-    at_restart = np.repeat(
-        integral[:, experiment.restarts], segment_lengths(experiment.restarts, experiment.time.size), axis=-1
-    )
-    return np.asarray((integral - at_restart) * scale)
+    gain = gas.stiffness * experiment.recording.period / scale
+    _write_pressure_deviation(read_only(flow), gain, scale, experiment.restarts, out)
+    return out
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_pressure_deviation(flow: Array, gain: Array, scale: Array, restarts: Integers, out: Array) -> None:
+    """Write the deviation (k, n), in one pass."""
+    for row in range(out.shape[0]):
+        for s in range(restarts.size):
+            first, last = restarts[s], restarts[s + 1] if s + 1 < restarts.size else scale.size
+            total = out[row, first] = 0.0
+            for i in range(first + 1, last):
+                total += flow[row, i] * gain[i]
+                out[row, i] = total * scale[i]
 
 
 def sensor_error_deviation(experiment: Experiment, error: Array, decay: Array) -> Array:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,17 @@ class DiscrepancyTerm:
     to_residual: Callable[[Array], Array]
     argument: str | None = None
     modelled: Array | None = None
+
+
+class Places(NamedTuple):
+    """Places of derivatives: the row of each parameter in ``array`` (k, N), column after column from ``start`` on.
+
+    The array holds zeros there; zeros that are not written take no memory.
+    """
+
+    array: Array
+    rows: NDArray[np.intp]
+    start: int
 
 
 @dataclass(frozen=True)
@@ -113,19 +124,16 @@ class ResidualModel(ABC):
         """Return by which parameters simulations with dual numbers differentiate the residuals, (parameters,)."""
         return np.zeros(len(directions.steps), dtype=bool)
 
-    def derivatives(
-        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int]
-    ) -> Iterator[tuple[tuple[int, ...], Array]]:
+    def write_derivatives(
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int], places: Places
+    ) -> None:
         """Differentiate the residuals by some parameters for which :meth:`differentiable` holds.
 
         Args:
             directions: The parameters.
             errors: Sensitivities to the initial state.
             some: Indices of parameters.
-
-        Yields:
-            Indices of parameters, and the derivatives by them in units of noise, weighted, channel after channel, shape
-            (parameters, N).
+            places: Where derivatives belong, in units of noise, weighted, channel after channel.
         """
         raise NotImplementedError
 

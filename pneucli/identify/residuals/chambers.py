@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -21,12 +22,13 @@ from pneucli.identify.guesses.chamber_balance import (
     sensor_error_deviation,
 )
 from pneucli.identify.guesses.flow_paths import opening_from_null
-from pneucli.identify.residuals.base import DiscrepancyTerm, ResidualModel, bounded_difference
+from pneucli.identify.residuals.base import DiscrepancyTerm, Places, ResidualModel, bounded_difference
 from pneucli.identify.residuals.initial_state import (
     apply_whitening,
     initial_state_errors,
     initial_state_sensitivity,
     log_determinant,
+    whiten,
 )
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
@@ -82,17 +84,18 @@ class ChamberPressures(ResidualModel):
         """Return by which parameters simulations differentiate the residuals."""
         return differentiable(directions, self.experiment)
 
-    def derivatives(
-        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int]
-    ) -> Iterator[tuple[tuple[int, ...], Array]]:
-        """Differentiate the residuals by some parameters, see :meth:`ResidualModel.derivatives`."""
-        for part, simulated in derivatives(directions, self.experiment, some):
-            rows = {}
-            for c in self.channels:
-                rows[c] = np.empty((len(part), simulated.shape[0]))
+    def write_derivatives(
+        self, directions: Directions, errors: Mapping[str, Array], some: Sequence[int], places: Places
+    ) -> None:
+        """Differentiate the residuals by some parameters, see :meth:`ResidualModel.write_derivatives`."""
+        e = self.experiment
+        for part, simulated in derivatives(directions, e, some):
+            rows = places.rows[list(part)]
+            for start, c in zip(itertools.count(places.start, e.time.size), self.channels, strict=False):
                 factor = -self.weights.get(c, 1.0) / self.noise[c]
-                _write_derivatives(simulated, COLUMNS[c], factor, self.measured[c], rows[c])
-            yield part, np.concatenate(list(self.apply_whitening(rows, errors).values()), axis=1)
+                written = _write_derivatives(simulated, COLUMNS[c], factor, self.measured[c], places.array, rows, start)
+                if c in errors:
+                    whiten(places.array, errors[c], e.restarts, written, start)
 
     def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
         """Return the forms of a missing flow into the chamber in kg/s, and of an error of its sensor in Pa.
@@ -158,13 +161,28 @@ class ChamberPressures(ResidualModel):
 
 
 @compiled(nogil=True, error_model="numpy")
-def _write_derivatives(simulated: Array, column: int, factor: float, measured: Array, out: Array) -> None:
-    """Write the derivatives of one column of outputs (n, columns, 1 + lanes) to rows (m, n); 0 without a reading."""
-    for first in range(0, measured.size, SAMPLES_AT_ONCE):
-        last = min(first + SAMPLES_AT_ONCE, measured.size)
-        for j in range(out.shape[0]):
+def _write_derivatives(
+    simulated: Array, column: int, factor: float, measured: Array, out: Array, rows: NDArray[np.intp], start: int
+) -> NDArray[np.intp]:
+    """Write the derivatives of one column of outputs (n, columns, 1 + lanes) to n columns from ``start`` on of rows of
+    zeros; 0 without a reading. Return the rows that do not remain zero.
+    """
+    n, lanes = measured.size, np.empty(rows.size, dtype=np.int64)
+    count = 0
+    for j in range(rows.size):
+        i = 0
+        while i < n and simulated[i, column, 1 + j] == 0.0:
+            i += 1
+        if i < n:
+            lanes[count] = j
+            count += 1
+    for first in range(0, n, SAMPLES_AT_ONCE):
+        last = min(first + SAMPLES_AT_ONCE, n)
+        for lane in lanes[:count]:
             for i in range(first, last):
-                out[j, i] = 0.0 if math.isnan(measured[i]) else factor * simulated[i, column, 1 + j]
+                if not math.isnan(measured[i]):
+                    out[rows[lane], start + i] = factor * simulated[i, column, 1 + lane]
+    return rows[lanes[:count]]
 
 
 def play_operator(opening: Array, width: float) -> Array:

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.identify.residuals.base import DiscrepancyTerm, ResidualModel, force_discrepancy_terms
 from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
@@ -25,7 +25,7 @@ from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unroun
 from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
 from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.simulate.run import base_vector, kernel_for, read_only
+from pneucli.simulate.run import base_vector, kernel_for
 
 MIN_REST_RATIO = 4.0  # times the smear time: the duration of rest, and of motion, around a break-away
 ONSET_SPEED_RATIO = 0.5  # of the standstill speed, so two standard deviations of its noise: there a rest ends

@@ -22,7 +22,6 @@ from pneucli.simulate.run import recalled, simulate
 PRESSURE_COLUMNS = {"p1": at.IN_P1, "p2": at.IN_P2}
 NOISE_DRAWS = 16  # draws of the sensors' noise
 SMOOTHING_BIAS_FACTOR = 1.4  # times the noise left after smoothing: sqrt(2), since the bias at bends is as large
-PAIRWISE_LANES, PAIRWISE_BLOCK = 8, 128  # of numpy's pairwise summation
 MIN_POWER = 1e-12  # of an error, relative to the noise
 RECENT_SENSITIVITIES = 16  # of a recording: the candidates of a round, before and after their last fit
 RECENT_BYTES = 8 << 20  # of all of them
@@ -84,23 +83,31 @@ def _pressure_changes(model: Model, experiment: Experiment) -> Array:
 
 
 def apply_whitening(residual: Array, errors: Array, restarts: NDArray[np.int64]) -> Array:
-    """Whiten a residual for initial-state errors, segment by segment.
+    """Return a residual (..., n) whitened for initial-state errors, see :func:`whiten`."""
+    out = np.array(residual, dtype=np.float64, order="C")
+    rows = out.reshape(-1, out.shape[-1])
+    whiten(rows, errors, restarts, np.arange(len(rows)))
+    return out
+
+
+def whiten(
+    residuals: Array, errors: Array, restarts: NDArray[np.int64], rows: NDArray[np.intp], start: int = 0
+) -> None:
+    """Whiten residuals for initial-state errors, segment by segment, in place.
 
     In each segment the covariance, in units of the noise, is C = I + sum of e e'. The inverse square root of each
     factor shrinks the component of the residual along that error.
 
     Args:
-        residual: Residual in units of the noise, shape (..., n).
-        errors: Effect of each error in units of the noise, shape (k, n).
+        residuals: Residuals in units of the noise, shape (k, N), row after row in memory.
+        errors: Effect of each error in units of the noise, shape (m, n).
         restarts: First samples of the segments.
-
-    Returns:
-        The whitened residual, shape (..., n).
+        rows: Which of the residuals.
+        start: Column at which their n samples begin.
 
     """
     for error in _sequentially_whitened(errors, restarts):
-        residual = _shrunk_along(residual, error, restarts)
-    return residual
+        _shrink(residuals, rows, start, error, restarts)
 
 
 def log_determinant(errors: Array, restarts: NDArray[np.int64]) -> Array:
@@ -123,58 +130,26 @@ def log_determinant(errors: Array, restarts: NDArray[np.int64]) -> Array:
     return total
 
 
-def _sequentially_whitened(errors: Array, restarts: NDArray[np.int64]) -> list[Array]:
+def _sequentially_whitened(errors: Array, restarts: NDArray[np.int64]) -> Array:
     """Return errors (k, n), each whitened for those before it."""
-    if len(errors) < 2:
-        return list(errors)
-    first_error, *later_errors = errors
-    return [
-        first_error,
-        *_sequentially_whitened(
-            np.array([_shrunk_along(later, first_error, restarts) for later in later_errors]), restarts
-        ),
-    ]
+    out = errors.copy()
+    for k in range(len(out) - 1):
+        _shrink(out, np.arange(k + 1, len(out)), 0, out[k].copy(), restarts)
+    return out
 
 
-def _shrunk_along(residual: Array, error: Array, restarts: NDArray[np.int64]) -> Array:
-    """Return a residual (..., n) with its component along an error (n,) shrunk."""
-    rows = np.ascontiguousarray(residual, dtype=np.float64).reshape(-1, error.size)
-    out = np.empty(rows.shape)
-    _shrink(rows, np.ascontiguousarray(error), restarts, out)
-    return out.reshape(residual.shape)
-
-
-@compiled(nogil=True, error_model="numpy")
-def _pairwise_dot(a: Array, b: Array) -> float:
-    """Return the sum of products by pairwise summation, as numpy sums."""
-    n = a.size
-    if n > PAIRWISE_BLOCK:
-        half = n // 2
-        half -= half % PAIRWISE_LANES
-        return _pairwise_dot(a[:half], b[:half]) + _pairwise_dot(a[half:], b[half:])
-    total, end = 0.0, n - n % PAIRWISE_LANES
-    if end:
-        lanes = np.zeros(PAIRWISE_LANES)
-        for i in range(0, end, PAIRWISE_LANES):
-            for k in range(PAIRWISE_LANES):
-                lanes[k] += a[i + k] * b[i + k]
-        total = ((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])) + ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]))
-    for i in range(end, n):
-        total += a[i] * b[i]
-    return total
-
-
-@compiled(nogil=True, error_model="numpy")
-def _shrink(rows: Array, error: Array, restarts: NDArray[np.int64], out: Array) -> None:
-    """Write rows (m, n) whose component along an error (n,) is shrunk, one segment after another."""
-    n = error.size
+@compiled(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})  # sums in any order
+def _shrink(residuals: Array, rows: NDArray[np.intp], start: int, error: Array, restarts: NDArray[np.int64]) -> None:
+    """Shrink the component along an error (n,) of n columns of some rows, one segment after another."""
     for s in range(restarts.size):
-        first, last = restarts[s], restarts[s + 1] if s + 1 < restarts.size else n
-        e = error[first:last]
-        power = e[0] * e[0] + _pairwise_dot(e[1:], e[1:])
-        shrinkage = (1.0 - 1.0 / math.sqrt(1.0 + power)) / (MIN_POWER if power < MIN_POWER else power)
-        for row in range(rows.shape[0]):
-            along, to = rows[row, first:last], out[row, first:last]
-            step = shrinkage * (e[0] * along[0] + _pairwise_dot(e[1:], along[1:]))
+        first, last = restarts[s], restarts[s + 1] if s + 1 < restarts.size else error.size
+        e, power = error[first:last], 0.0
+        for i in range(e.size):
+            power += e[i] * e[i]
+        shrinkage = (1.0 - 1.0 / math.sqrt(1.0 + power)) / max(power, MIN_POWER)
+        for row in rows:
+            along, product = residuals[row, start + first : start + last], 0.0
             for i in range(e.size):
-                to[i] = along[i] - step * e[i]
+                product += e[i] * along[i]
+            for i in range(e.size):
+                along[i] -= shrinkage * product * e[i]
