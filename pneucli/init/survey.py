@@ -228,7 +228,10 @@ def _survey_binary(raw: RawFile) -> Survey:
             (_column(reader, n, reader.names[n], reader.names[n], np.empty(0)) for n in reader.clock_names), None
         )
         texts = [_counted(name, own) for name, own in labels.items()]
-        return Survey(raw, False, _aligned(columns, shared), scalars, [*unused, *texts])
+        runs = [(run, _aligned(own, shared)) for run, own in runs_beside_one_another(columns)]
+        return Survey(
+            raw, False, runs[0][1] if runs else _aligned(columns, shared), scalars, [*unused, *texts], runs=runs
+        )
     sizes = Counter(one.values.size for one in columns)
     usual = max(sizes, key=lambda size: (sizes[size], size))
     other = [

@@ -196,10 +196,24 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
     assert runs_below_one_another([cycles, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
     state = Column("valve open", "valve open", "", np.repeat([0.0, 1.0], 100))
     assert runs_below_one_another([state, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
-    names = ("t", "u", "p1 run1 [bar]", "p1 run2 [bar]")
-    beside = runs_beside_one_another([Column(name, name, "", t) for name in names])
-    assert [[one.key for one in columns] for _, columns in beside] == [[*names[:3]], ["t", "u", names[3]]]
-    assert runs_beside_one_another([Column(name, name, "", t) for name in ("t", "p1", "p2", "run 1")]) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "runs"),
+    [
+        ("t,u,p1 run1 [bar],p1 run2 [bar]", ["t,u,p1 run1 [bar]", "t,u,p1 run2 [bar]"]),
+        ("Run 1/Time,Run 1/P1,Run 2/Time,Run 2/P1", ["Run 1/Time,Run 1/P1", "Run 2/Time,Run 2/P1"]),
+        ("runs/1/t,runs/1/p1,runs/2/t,runs/2/p1", ["runs/1/t,runs/1/p1", "runs/2/t,runs/2/p1"]),
+        ("data/1/t,data/1/u,data/1/p1,data/2/t,data/2/u,data/2/p1", ["data/1/t,data/1/u,data/1/p1"] * 2),
+        ("t,p1,p2,run 1", []),
+        ("Messung 1/Zeit,Messung 1/P1,Messung 2/Zeit,Messung 2/Weg", []),  # two devices
+        ("signals/1/time,signals/1/values,signals/2/time,signals/2/values", []),  # a channel each
+    ],
+)
+def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, runs: list[str]) -> None:
+    columns = [Column(name, name, "", np.arange(9.0)) for name in names.split(",")]
+    found = [",".join(str(one.key) for one in own) for _, own in runs_beside_one_another(columns)]
+    assert found == [runs[0], runs[1].replace("data/1", "data/2")] if runs else not found
 
 
 # ---- roles

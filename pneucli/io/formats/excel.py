@@ -1,4 +1,4 @@
-"""Excel: the sheet of a workbook that holds most rows, as a text with tabs."""
+"""Excel: the sheet of a workbook that holds most rows, and those with its header below it, as a text with tabs."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ def _write_sheet(path: Path, folder: Path) -> Path:
     calamine = library_of_extra("python_calamine", "excel", path, "this is an Excel file, and python-calamine")
     workbook = calamine.CalamineWorkbook.from_path(str(path))
     sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
-    rows: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
-    if not _numeric_rows(rows):
+    longest: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
+    alike = [sheet for sheet in sheets if any(_header(sheet)) and _header(sheet) == _header(longest)]
+    rows = [row for sheet in alike or [longest] for row in sheet]
+    if not _numeric_rows(longest):
         raise InputError(
             str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again", code="E041"
         )
@@ -40,6 +42,11 @@ def _write_sheet(path: Path, folder: Path) -> Path:
 
 def _numeric_rows(rows: Sequence[Sequence[Any]]) -> int:
     return sum(any(isinstance(value, int | float | datetime) for value in row) for row in rows)
+
+
+def _header(rows: Sequence[Sequence[Any]]) -> Sequence[Any]:
+    """Return the row of most texts; sheets that have the same one are runs of one recorder."""
+    return max((row for row in rows if not _numeric_rows([row])), key=lambda row: sum(map(bool, row)), default=())
 
 
 def _cell(value: Any) -> str:
@@ -63,6 +70,6 @@ EXCEL = Format(
     magic=(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",),
     recognises=_is_workbook,
     unpack=_write_sheet,
-    column="a column of the sheet with most rows",
+    column="a column of the sheet with most rows; sheets with its header are runs",
     extra="excel",
 )
