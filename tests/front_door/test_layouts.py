@@ -348,6 +348,19 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
     assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
 
 
+@pytest.mark.parametrize("dead", [slice(900, 960), slice(1500, None)])
+def test_a_channel_that_was_dead_for_a_while_tells_no_reference(dead: slice) -> None:
+    pascals = 1.01e5 + 3e5 * (1 - np.cos(np.arange(2000) / 60)) + 300 * RNG.standard_normal(2000)
+    pascals[dead] = 0.0
+    assert pressure_reference([pascals * 1e-5], "bar", "")[0] == "absolute"
+
+
+def test_what_counts_rows_and_a_clock_that_stands_again_are_no_signals(tmp_path: Path) -> None:
+    rows = "".join(f"{n},{n / 100},{n // 50 % 3},{n / 100},{2 + np.sin(n / 30):.4f}\n" for n in range(400))
+    found = guessed(written(tmp_path, f"Index @ 100 Hz,X_Value,u [V],X_Value,p1 [bar]\n{rows}"))
+    assert found == {"time": "X_Value", "u": "u [V]", "p1": "p1 [bar]"}
+
+
 def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_absolute() -> None:
     dip = np.exp(-(((np.arange(2000) - 700) / 10) ** 2))  # a piston that starts fast, and no vented chamber
     pascals = 1.02e5 + 2e5 * (1.0 - dip) + 300 * RNG.random(2000)

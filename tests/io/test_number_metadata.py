@@ -47,6 +47,24 @@ def test_parts_of_a_recording_that_were_not_copied_are_missing(tmp_path: Path, a
         np.testing.assert_array_equal(values, np.nan if part in absent else part + 1.0)
 
 
+@pytest.mark.parametrize("kind", ["chunks", "matrix in chunks", "contiguous", "external"])
+def test_what_nobody_wrote_of_a_dataset_is_missing(tmp_path: Path, kind: str) -> None:
+    """A recorder that stopped, and raw data that were cut: HDF5 reads them as 0, whatever folder one works in."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        if kind == "external":
+            (tmp_path / "p.raw").write_bytes(np.arange(1.0, 5.0).tobytes() + b"cut")
+            file.create_dataset("p", (9,), dtype="f8", external=[("p.raw", 0, 72)])
+        elif kind == "contiguous":
+            file.create_dataset("p", (9,), dtype="i2")
+        elif kind == "chunks":
+            file.create_dataset("p", (9,), dtype="i2", chunks=(4,))[:4] = np.arange(1, 5)
+        else:
+            file.create_dataset("p", (9, 2), dtype="f4", chunks=(4, 1))[:4, 1] = np.arange(1, 5)
+    found = column(opened(tmp_path / "a.h5"), "p/2" if kind == "matrix in chunks" else "p")
+    wanted = [np.nan] * 9 if kind == "contiguous" else [1, 2, 3, 4, *[np.nan] * 5]
+    np.testing.assert_array_equal(found, wanted)
+
+
 @pytest.mark.parametrize("kind", ["datetime64[{}]", "datetime64[{}, UTC]", "timedelta64[{}]"])
 @pytest.mark.parametrize("tick", TICKS)
 @pytest.mark.parametrize("form", ["fixed", "table"])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickletools
 import re
 from collections.abc import Iterator, Sequence
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -215,8 +217,13 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
 
 
 def _read(file: Any, place: Place) -> ColumnValues:
-    dataset = file[place.dataset]
-    array = _without_absent_parts(dataset, dataset[()] if place.field is None else dataset[place.field])
+    dataset = _beside(file, place.dataset)
+    absent = [*_absent_parts(dataset)]
+    array = dataset[()] if place.field is None else dataset[place.field]
+    if absent:
+        array = np.asarray(array, dtype=np.float64)
+        for part in absent:
+            (array if isinstance(part, tuple) else array.reshape(-1))[part] = np.nan
     if place.column is not None:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
     if place.stamps is not None:
@@ -224,18 +231,40 @@ def _read(file: Any, place: Place) -> ColumnValues:
     return np.ravel(unpacked(dataset, array))
 
 
-def _without_absent_parts(dataset: Any, array: Any) -> Any:
-    """Return the values of a dataset that joins parts of other files, NaN where such a file is not there.
+def _beside(file: Any, name: str) -> Any:
+    """Return a dataset; one that other files hold has them beside its own, wherever the program runs."""
+    from h5py import Dataset, h5d, h5p  # noqa: PLC0415 - an extra
 
-    HDF5 reads its fill value there, 0 where nobody states one. A name with % stands for a row of files.
+    access = h5p.create(h5p.DATASET_ACCESS)
+    access.set_efile_prefix(b"${ORIGIN}")
+    return Dataset(h5d.open(file.id, name.encode(), access))
+
+
+def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
+    """Yield the parts of a dataset, or of it as flat, that nobody wrote, or whose files are gone or cut.
+
+    HDF5 reads its fill value there, 0 where none is stated. A name with % stands for a row of files.
     """
-    folder = Path(dataset.file.filename).parent
-    for part in dataset.virtual_sources() if dataset.is_virtual else ():
-        if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
-            first, last = part.vspace.get_select_bounds()
-            array = np.asarray(array, dtype=np.float64)
-            array[tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))] = np.nan
-    return array
+    folder, size = Path(dataset.file.filename).parent, dataset.dtype.itemsize
+    if dataset.is_virtual:
+        for part in dataset.virtual_sources():
+            if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
+                first, last = part.vspace.get_select_bounds()
+                yield tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))
+    elif dataset.external:
+        begin = 0
+        for name, offset, length in dataset.external:
+            there = max((folder / name).stat().st_size - offset, 0)
+            yield slice((begin + there) // size, -(-(begin + length) // size))
+            begin += length
+    elif dataset.chunks is not None:
+        firsts = [range(0, side, step) for side, step in zip(dataset.shape, dataset.chunks, strict=True)]
+        if (count := dataset.id.get_num_chunks()) < prod(map(len, firsts)):
+            written = {dataset.id.get_chunk_info(n).chunk_offset for n in range(count)}
+            for first in (one for one in product(*firsts) if one not in written):
+                yield tuple(slice(a, a + step) for a, step in zip(first, dataset.chunks, strict=True))
+    elif dataset.size and not dataset.id.get_storage_size():
+        yield slice(None)
 
 
 def _unit(dataset: Any) -> str:
@@ -285,8 +314,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts of "
-    "a virtual dataset without their file are missing; `milliseconds since ...` is a unit and a start; the unit of "
+    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts "
+    "that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since ...` is a unit and a start; the unit of "
     "stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )
