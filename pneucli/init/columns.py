@@ -70,7 +70,8 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     still |= repeated_clocks(found.columns) | variants(names)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
     clock_name = None if clock is None else found.columns[clock].name
-    still |= {n for n in usable if counts_rows(found.columns[n]) or found.columns[n].name == clock_name}
+    still |= {n for n in usable if counts_rows(found.columns[n]) and found.columns[n].finite_values[0] in (0, 1)}
+    still |= {n for n in usable if found.columns[n].name == clock_name}
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
     switched = {n for n in free if _is_switched(found.columns[n])}
     named = ((n, *own) for n in free for own in signal_scores(names[n]))
