@@ -217,6 +217,7 @@ def _survey_binary(raw: RawFile) -> Survey:
             continue
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
+    columns = [_with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
     columns = [one for one in columns if one.values.size > 1]
     if not columns:

@@ -127,6 +127,7 @@ class _DelimitedTable:
         usual = len(self._tail) / max(len(tail), 1)
         cells = _share(n in self._numeric or not there[n] for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
+        single *= 0.9 if delimiter == " " and all("\t" in line for line in last) else 1.0  # a tab cuts there, too
         self.score = (
             usual * cells * single if self._numeric and self.start is not None and self.width < _MAX_COLUMNS else 0
         )
@@ -141,7 +142,7 @@ class _DelimitedTable:
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width or not self._numeric:
             return False
-        if any(row[n] not in NULL_TEXTS for n in range(self._numeric[0]) if not self._there[n]):
+        if any(row[n] not in NULL_TEXTS and not is_cell(row[n]) for n in range(self._numeric[0]) if not self._there[n]):
             return False  # a line of keys above rows whose first column is empty
         fields = [row[n] for n in self._numeric]
         return any(map(is_cell, fields)) and all(is_cell(field) or field in NULL_TEXTS for field in fields)

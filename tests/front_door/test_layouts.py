@@ -526,15 +526,27 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
         init.create(tmp_path / "rig", [written(tmp_path, "\n".join(rows) + "\n")])
 
 
-@pytest.mark.parametrize("form", ["influx", "grafana"])
-def test_tables_within_json_are_found(form: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("form", "clock"), [("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")]
+)
+def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
     t, u, p = 1000.0 * np.arange(50), np.sign(np.sin(np.arange(50))), 2 + np.sin(0.1 * np.arange(50))
-    series = {"columns": ["time", "valve_V", "p1_bar"], "values": np.column_stack([t, u, p]).tolist()}
-    names = {"valve_V": u, "p1_bar": p}
-    targets = [{"target": name, "datapoints": np.column_stack([v, t]).tolist()} for name, v in names.items()]
-    whole = {"results": [{"statement_id": 0, "series": [series]}]} if form == "influx" else targets
-    found = guessed(written(tmp_path, json.dumps(whole), "a.json"))
-    assert {found["u"], found["p1"]} == {"valve_V", "p1_bar"}
+    names = {"valve_V": u.tolist(), "p1_bar": p.tolist()}
+    forms: dict[str, Any] = {
+        "influx": {"results": [{"statement_id": 0, "series": [
+            {"columns": ["time", *names], "values": np.column_stack([t, u, p]).tolist()}]}]},
+        "grafana": [{"target": name, "datapoints": np.column_stack([v, t]).tolist()} for name, v in names.items()],
+        "listed": {"rate": 1.0, "channels": [{"id": 3, "name": name, "values": v} for name, v in names.items()]},
+        "by name": {
+            "time": {"unit": "ms", "data": t.tolist()},
+            "signals": {name.split("_")[0]: {"unit": name.split("_")[1], "data": v} for name, v in names.items()},
+        },
+    }  # fmt: skip
+    found = guessed(written(tmp_path, json.dumps(forms[form]), "a.json"))
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert f'time = {{ column = "{clock}"' in text if clock else 'time = { expression = "row / 1"' in text
+    columns = {"signals/valve [V]", "signals/p1 [bar]"} if form == "by name" else set(names)
+    assert {found["u"], found["p1"]} == columns
 
 
 def test_counts_behind_a_time_are_no_milliseconds(tmp_path: Path) -> None:
