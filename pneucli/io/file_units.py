@@ -52,6 +52,12 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     return known or file_unit
 
 
+def unit_in_brackets(name: str) -> str:
+    """Return what stands in brackets at the end of a name; empty where nothing does."""
+    found = _BRACKETED.search(name)
+    return found[2] if found else ""
+
+
 def read_unit(text: str) -> WrittenUnit:
     """Return a unit as it is written, known or not; a date since which it counts is no part of it."""
     text = SINCE.sub("", text)

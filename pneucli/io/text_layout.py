@@ -105,6 +105,7 @@ NULL_TEXTS = (
     *("OL", "OVER", "OVERFLOW", "OVERLOAD", "UNDER", "ERR", "ERROR", "Error", "BAD", "Bad", "INVALID", "Invalid"),
     *("*" * number for number in range(1, 13)),  # a field too narrow for its number
 )
+_BEGINS_NUMBER = "0123456789+-.,'\"#"  # or a row, or a comment
 _POINTS_BEFORE_COMMA = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d+)?")
 _COMMAS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?")
@@ -249,7 +250,7 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
         for total, line in enumerate(file, 1):
             if line.strip() == header:
                 at.append(total)
-                ends.append(total - 1 - lines_above(recent, header, look.delimiter))
+                ends.append(total - 1 - lines_above([*recent], header, look.delimiter))
             recent.append(line)
     if not at or not 1 <= (raw.part or 0) <= len(at):
         found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
@@ -261,15 +262,19 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
 
 
 def lines_above(lines: Sequence[AnyStr], header: AnyStr, delimiter: AnyStr) -> int:
-    """Return how many of the last lines belong to a header that stands again below them: words, of another width."""
+    """Return how many of the last lines belong to a header that stands again below them: those that begin with words.
+
+    Where rows begin with words as well, those of another width than the header.
+    """
     mark = delimiter.strip(" " if isinstance(delimiter, str) else b" ") or None  # None: blanks
-    width, found = len(header.split(mark)), 0
-    while found < min(len(lines), MAX_LINES_ABOVE):
-        line = lines[-1 - found].strip()
-        if line and (not line[:1].isalpha() or len(line.split(mark)) == width):
-            break
-        found += 1
-    return found
+    width, last = len(header.split(mark)), [line.strip() for line in lines[-MAX_LINES_ABOVE:]][::-1]
+    firsts = [line[:1] if isinstance(line, str) else line[:1].decode("latin-1") for line in last]
+    words = next((n for n, first in enumerate(firsts) if first and first in _BEGINS_NUMBER), len(last))
+    return (
+        words
+        if words < len(last)
+        else next((n for n, line in enumerate(last) if len(line.split(mark)) == width), words)
+    )
 
 
 def table_end(lines: Sequence[str], split: Callable[[str], list[str]], least: int = MIN_ROWS_ABOVE) -> int | None:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
+from pneucli.io.column_reader import number_in
+from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import (
     BRACKETS,
@@ -123,6 +125,8 @@ class _DelimitedTable:
         self._tail = [row for row in tail if len(row) == self.width]
         there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
         self._numeric = [n for n in range(self.width) if _share(map(is_cell, there[n])) >= MIN_VALUE_SHARE]
+        self._scales: tuple[str, ...] = ()
+        self._scale_line = -1
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
         cells = _share(n in self._numeric or not there[n] for n in range(self.width))
@@ -152,18 +156,21 @@ class _DelimitedTable:
         good = [self._is_row(self._rows[n]) for n in there]
         for at, n in enumerate(there):
             if all(good[at : at + MIN_TABLE_ROWS]):
-                return n
+                below = there[min(at + 1, len(there) - 1)]
+                if not _are_scales(self._rows[n], self._rows[below]):
+                    return n
+                self._scales, self._scale_line = self._rows[n], n
+                return below
         return None
 
     def describe(self, header: bool) -> SniffedLayout:
         start = self.start or 0
         if self._keys:
             return SniffedLayout(False, start, self.delimiter, self._keys, (), self._thousands())
-        above = [n for n in range(self._skip, start) if self._lines[n].strip() and not _is_comment(self._lines[n])]
+        above = [n for n in range(self._skip, start) if not _is_skipped(self._lines[n]) and n != self._scale_line]
         names, units, at = (self._paired(above) or self._header(above)) if header else ((), (), None)
-        direct = at is not None and len([n for n in above if n > at]) == bool(
-            units
-        )  # else names that reading passes over
+        further = [n for n in above if at is not None and n > at]  # lines that reading does not pass over
+        direct = at is not None and not self._scales and len(further) == bool(units)
         skip = at if direct and at is not None else start if above or self._skip else 0
         skip = 0 if direct and not [n for n in above if n < skip] else skip
         names = names or self._names_in_comment(start)
@@ -171,7 +178,8 @@ class _DelimitedTable:
         titles = titles or self._other_lines(above, names)
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
         units = units or own or next((row for row in wide if _are_units(row)), ())
-        scales = self._keyed(above, _SCALES) or ("",) * len(units)
+        scales = self._keyed(above, _SCALES) or self._scales or ("",) * len(units)
+        units = units or tuple(unit_in_brackets(name) for name in names) * bool(self._scales)
         units = tuple(BRACKETS.sub(r"\1", text) for text in units)
         scaled = zip(scales, units, strict=False)
         units = tuple(f"{own} {unit}" if unit and own not in _NO_SCALES else unit for own, unit in scaled)
@@ -309,6 +317,7 @@ _TITLES = re.compile(
 )
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")
 _NO_SCALES = ("", "1", "1.0")
+_POWER_OF_TEN = re.compile(r"10*(?:\.0*)?|0\.0*1|1(?:\.0*)?[eE][+-]?\d+")
 _UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?(?:[ _]labels?)?|einheit(?:en)?|eu|eng\.? units?")
 
 
@@ -336,6 +345,18 @@ def _are_units(fields: Sequence[str]) -> bool:
         >= 0.6 * sum(field not in NULL_TEXTS for field in fields)
         > 0
     )
+
+
+def _are_scales(row: Sequence[str], below: Sequence[str]) -> bool:
+    """Return whether the first row of a table are factors of its columns: powers of ten, and no stamp before the next.
+
+    >>> _are_scales(["1", "0.001"], ["0.00", "7013"]), _are_scales(["0.001", "10"], ["0.002", "10"])
+    (True, False)
+    """
+    fields = [field for field in row if field not in NULL_TEXTS]
+    if len(fields) < 2 or not all(map(_POWER_OF_TEN.fullmatch, fields)) or not set(fields) - {*_NO_SCALES}:
+        return False
+    return not number_in(row[0]) <= number_in(below[0].replace(",", "."))
 
 
 def _is_skipped(line: str) -> bool:
