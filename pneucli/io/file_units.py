@@ -13,7 +13,8 @@ from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_
 
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
 _AT_END = re.compile(r"[\s,]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
-_UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,*/^·×²³⁻°%µ-]{1,24}")
+_WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)", "p1 [bar] (abs)"
+_UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
     "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
     "actual first second upper lower main signal float double int value"
@@ -43,7 +44,9 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     """Return the unit that a file states for its column; None where it states none."""
     in_name = _BRACKETED.search(reader.names[place])
     at_end = _AT_END.search(reader.names[place])
-    texts = [reader.units.get(place), at_end and at_end[1], in_name and in_name[2]]
+    inner = _WITH_STATE.search(reader.names[place])
+    of_state = (f"{inner[1]} {inner[2]}", inner[1]) if inner else ()
+    texts = [reader.units.get(place), at_end and at_end[1], *of_state, in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
     if reader.units.get(place) and is_count(found[0].text):
         return found[0]  # whatever the name says, this is no number in its unit

@@ -245,6 +245,13 @@ def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, 
         ("Piston speed mm/s", "v"),
         ("Pressure A", "p1"),
         ("Pressure B bar", "p2"),
+        ("PLC_PRG.rPchamber", "p1"),
+        ("Psup [bar]", "p_supply"),
+        ("Setpoint value spool [V]", "u"),
+        ("szelepfeszültség [V]", "u"),
+        ("u/y", "u"),
+        ("p1/y_values/values", "p1"),
+        ("tool/y", "x"),
     ],
 )
 def test_a_name_says_its_role(name: str, signal: str) -> None:
@@ -297,13 +304,16 @@ def test_a_unit_that_cannot_be_is_asked_for(tmp_path: Path, unit: str, scale: fl
     ("unit", "said"),
     [
         ("nl/min", "taken at 0 °C and 1.01325 bar (DIN 1343)"),
+        ("l/min] (ANR", "taken at 20 °C, 1 bar and 65 % humidity"),
         ("l/min", "CHECK no reference state is stated: taken at 20 °C, 1 bar"),
         ("SLPM", "CHECK taken at 0 °C and 1.01325 bar (SEMI E12); others mean"),
     ],
 )
 def test_the_reference_state_of_a_flow_is_said(tmp_path: Path, unit: str, said: str) -> None:
     rows = "".join(f"7.0,{1 + n / 10:.1f},{100 + n}\n" for n in range(40))
-    path = written(tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}]\n{rows}")
+    path = written(
+        tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}{']' * ('(' not in unit) or ')'}\n{rows}"
+    )
     answer = init.create(tmp_path / "rig", [path])
     assert said in next(one.why for one in answer.columns if one.signal == "flow")
 

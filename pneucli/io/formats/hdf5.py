@@ -14,7 +14,15 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
-from pneucli.io.column_reader import ColumnReader, as_text, clocks_by_group, column_names, split_columns
+from pneucli.io.column_reader import (
+    PERIOD_NAMES,
+    RATE_NAMES,
+    ColumnReader,
+    as_text,
+    clocks_by_group,
+    column_names,
+    split_columns,
+)
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.matlab import LABELS, NUMBERS, SAVE_AS_STRUCT
@@ -32,6 +40,8 @@ _STAMPS = re.compile(r"(datetime|timedelta)(?:64)?(?:\[(s|ms|us|ns)[,\]].*)?")
 class Place(NamedTuple):
     """Where a column stands: a dataset, the field of a table, and the column of a matrix; None where there is none.
 
+    Or which ``attribute`` it is, of one value.
+
     ``stamps``: the type of NumPy whose integers they are, such as ``datetime64[us]``; None where they are numbers.
     """
 
@@ -39,6 +49,7 @@ class Place(NamedTuple):
     field: str | None = None
     column: int | None = None
     stamps: str | None = None
+    attribute: str | None = None
 
 
 def frame_columns(group: Any, path: str) -> dict[str, Place]:
@@ -178,6 +189,7 @@ def open_hdf5(path: Path) -> ColumnReader:
                 found = frame_columns(node, name) or struct_array_columns(file, node, name)
                 owner |= found
                 sizes |= {column: max(file[place.dataset].shape) for column, place in found.items()}
+            owner |= _rates(name, node)
     if objects and not owner:
         found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
         raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
@@ -187,13 +199,20 @@ def open_hdf5(path: Path) -> ColumnReader:
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         with h5py.File(path, "r") as file:
-            datasets = {owner[name].dataset for name in wanted}
+            datasets = {owner[name].dataset for name in wanted if owner[name].attribute is None}
             check_expanded_size(path, sum(file[name].size * file[name].dtype.itemsize for name in datasets))
             return [_read(file, owner[name]) for name in wanted]
 
     names = list(owner)
     units |= {name: "s" for name, place in owner.items() if place.stamps}
     return ColumnReader(path, HDF5.name, names, fetch, units, own_clocks=clocks_by_group(names, sizes))
+
+
+def _rates(path: str, node: Any) -> dict[str, Place]:
+    """Return the attributes of a group or dataset that say a rate, or the time between samples."""
+    said = [key for key in node.attrs if RATE_NAMES.match(key) or PERIOD_NAMES.match(key)]
+    numbers = [key for key in said if np.size(node.attrs[key]) == 1 and np.asarray(node.attrs[key]).dtype.kind in "iuf"]
+    return {f"{path}/{key}".lstrip("/"): Place(path or "/", attribute=key) for key in numbers}
 
 
 def _kind(dataset: Any) -> str:
@@ -217,6 +236,8 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
 
 
 def _read(file: Any, place: Place) -> ColumnValues:
+    if place.attribute is not None:
+        return np.ravel(file[place.dataset].attrs[place.attribute])
     dataset = _beside(file, place.dataset)
     absent = [*_absent_parts(dataset)]
     array = dataset[()] if place.field is None else dataset[place.field]
@@ -276,7 +297,7 @@ def _unit(dataset: Any) -> str:
 
 
 def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield path and node of every dataset, and of the groups that hold a frame, an array of structs or an object.
+    """Yield path and node of each dataset, and of groups that hold a frame, an array of structs, an object or a rate.
 
     In order; each group once, as groups may hold one another, and nothing of other files.
     """
@@ -296,7 +317,7 @@ def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
             yield prefix, node
             continue
         inner = [key for key in node if not key.startswith("#") and _is_own(h5py, node, key)]
-        if any(isinstance(node[key], h5py.Dataset) and _kind(node[key]) == "O" for key in inner):
+        if _rates("", node) or any(isinstance(node[key], h5py.Dataset) and _kind(node[key]) == "O" for key in inner):
             yield prefix, node
         waiting += [(f"{prefix}/{key}".lstrip("/"), node[key]) for key in reversed(inner)]
 
