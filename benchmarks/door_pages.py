@@ -420,6 +420,15 @@ def _scales_below(page: Page) -> list[list[str]]:
     return [page.header, scales, *rows]
 
 
+def _over_pairs(page: Page) -> list[list[str]]:
+    clock, count = [f"{1e3 * t:.0f}" for t in page.sheet.time], len(page.header) - page.first
+    names = [both for name in page.header[page.first :] for both in (name, "")]
+    rows = [
+        [both for text in row[page.first :] for both in (at, text)] for at, row in zip(clock, page.rows, strict=True)
+    ]
+    return [names, ["t [ms]", "y"] * count, *rows]
+
+
 def _segments(page: Page) -> list[list[str]]:
     head = [["Channels", "3", "", "", "", ""], ["Delta_X", "0.01", "0.01", "0.01"], ["***End_of_Header***"]]
     parts = [page.rows[n : n + 100] for n in range(0, len(page.rows), 100)]
@@ -466,7 +475,11 @@ _FURTHER: dict[str, Callable[[Page], str]] = {
     "clock last": _tabled(lambda page: [[*row[page.first :], *row[: page.first]] for row in [page.header, *page.rows]]),
     "types": _tabled(lambda page: [page.header, ["REAL"] * len(page.header), *page.rows]),
     **{"page heads": _tabled(_with_pages), "scale line": _tabled(_scale_line)},
-    **{"scales below": _tabled(_scales_below), "segments": _tabled(_segments)},
+    **{
+        "scales below": _tabled(_scales_below),
+        "segments": _tabled(_segments),
+        "names over pairs": _tabled(_over_pairs),
+    },
     "names with commas": lambda page: _joined(
         ",", [[f'"{n}, {u}"' if u else n for n, u in zip(page.bare, page.units, strict=True)], *page.rows]
     ),

@@ -38,8 +38,8 @@ NOUNS: dict[str, str] = {
     "-温度- -온도-",
     "command": "u op cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne "
     "valvula ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- "
-    "sterow- rizen- vezerl- kumanda- comando mando stuur- napiecie napeti szelep- -feszultseg -jannite -spaending "
-    "tensao tensiune управл- напряж- -电压- -電圧- -전압- -阀- "
+    "sterow- rizen- vezerl- kumanda- comando mando -spannung stuur- napiecie napeti szelep- -feszultseg -jannite "
+    "-spaending tensao tensiune управл- напряж- -电压- -電圧- -전압- -阀- "
     "-弁- -指令-",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
@@ -63,8 +63,8 @@ _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -n
 _SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- sp target- desired des goal- qg sollwert demand consigne"
-_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆-"
-_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract -有杆-"
+_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆- -ヘッド-"
+_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract -有杆- -ロッド-"
 _PLAIN_READINGS, _MEANS = "raw adc", "mean avg ave average"
 _DERIVED = "filt- smooth- glatt- est- calc- model- sim-"  # made of another column
 _SPREADS = "min max minimum maximum rms std stdev sd sigma pp"
@@ -91,6 +91,7 @@ _KINDS = {
 _ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l", "Ł": "L", "ı": "i", "đ": "d"})
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
+_VOICED = "\u3099\u309a"  # marks of Japanese letters, which are no accents
 _JOINED = re.compile(r"(p)(sup\w*|tank|vessel|chamber|cyl\w*|rail|line|source|left|right|front|rear)")  # run together
 _INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
@@ -230,8 +231,10 @@ def is_spread(name: ColumnName) -> bool:
 
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
-    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    found = (_JOINED.fullmatch(part.lower()) or part.lower() for part in _WORD.findall(plain))
+    plain = "".join(letter for letter in plain if letter in _VOICED or not unicodedata.combining(letter))
+    found = (
+        _JOINED.fullmatch(part.lower()) or part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain))
+    )
     words = tuple(word for one in found for word in ((one,) if isinstance(one, str) else one.groups()))
     return words[:1] if words[:1] and words[0] in _INPUTS and all(len(word) < 3 for word in words[1:]) else words
 
@@ -254,7 +257,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)
             stem, unit = _longest_unit(stem, unit) if pattern is _SUFFIX else (stem, unit)
-            if is_unit(unit) and not unit.isdigit():
+            if is_unit(unit) and read_unit(unit).is_plain and not unit.isdigit():
                 certainty = (
                     pattern is not _SUFFIX or unit in ("V", "%") or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
                 )
@@ -305,9 +308,11 @@ def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
     ends = Counter(_telling_part(one.name) for one in columns)
     found = []
     for one in columns:
-        parts = _telling_parts(one.name)
-        alike = len(parts) > 1 and ends[parts[-1]] > 1
-        found.append(read_name(replace(one, name=" ".join(parts[-2:])) if alike else one, is_text))
+        parts = [part for part in _telling_parts(one.name)[:-1] if not _NO_NAMES.fullmatch(part)][-1:]
+        last, before = _telling_part(one.name), [ColumnName(_words(part), "") for part in parts]
+        element = last.isdigit() or any(len(name.words) == len(name.nouns) == 1 for name in before)
+        both = parts and (ends[last] > 1 or (element and not read_name(one, is_text).nouns))
+        found.append(read_name(replace(one, name=f"{parts[0]} {last}") if both else one, is_text))
     return found
 
 

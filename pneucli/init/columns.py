@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -85,6 +85,8 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
+    other = _of_another_axis(found.columns, taken)
+    taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
     guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
@@ -99,6 +101,14 @@ def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], cl
     rest = [n for n in range(len(columns)) if n != clock]
     stems = {re.sub(r"\d+", "", columns[n].name) for n in rest}
     return len(rest) > 1 and len(stems) == 1 and not any(names[n].nouns or names[n].unit for n in rest)
+
+
+def _of_another_axis(columns: Sequence[Column], taken: Mapping[int, str]) -> set[int]:
+    """Return the taken columns of a group that has a position, and is not that of x: those of another axis."""
+    groups = [re.split(r"[/.](?=[^/.]*$)", one.name) for one in columns]
+    position = next((groups[n] for n, one in taken.items() if one == "x"), [])
+    others = {own[0] for own in groups if len(own) == len(position) == 2 and own[1] == position[1] and own != position}
+    return {n for n, one in taken.items() if groups[n][0] in others and len(groups[n]) == 2}
 
 
 def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) -> set[int]:

@@ -282,7 +282,8 @@ class _DelimitedTable:
             spread = list[str]()
             for text in groups:
                 spread.append(text or spread[-1] if spread else text)
-            own = [f"{text} {name}".strip() for text, name in zip(spread, below, strict=True)]
+            named = zip(spread, below, strict=True)
+            own = [text if name.lower() in _VALUES and text else f"{text} {name}".strip() for text, name in named]
         return tuple(own) if tuple(own) != names else ()
 
     def _names_in_columns(self, line: str) -> tuple[str, ...]:
@@ -310,6 +311,7 @@ class _DelimitedTable:
         }
 
 
+_VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from benchmarks.door import WAYS, WRONG, plain, verdict
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, paired_clocks, repeated_clocks
-from pneucli.init.column_names import read_name, signal_scores
+from pneucli.init.column_names import read_names, signal_scores
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Column
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
@@ -249,6 +249,12 @@ def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, 
         ("Psup [bar]", "p_supply"),
         ("Setpoint value spool [V]", "u"),
         ("szelepfeszültség [V]", "u"),
+        ("밸브 전압(V)", "u"),
+        ("Steuerspannung in V", "u"),
+        ("ロッド側圧力[MPa]", "p2"),
+        ("pos_10um", "x"),
+        ("pressures/data/1", "p1"),
+        ("joint_states/position/piston", "x"),
         ("u/y", "u"),
         ("p1/y_values/values", "p1"),
         ("tool/y", "x"),
@@ -258,7 +264,7 @@ def test_a_name_says_its_role(name: str, signal: str) -> None:
     ((_, (column, *_)), *_) = runs_beside_one_another(
         [Column(one, one, "", np.zeros(2)) for one in (name, name.replace("run2", "run1"))]
     ) or [("", [Column(name, name, "", np.zeros(2))])]
-    scores = dict(signal_scores(read_name(column, True)))
+    scores = dict(signal_scores(read_names([column], True)[0]))
     assert max(scores, key=lambda one: scores[one], default="") == signal
 
 
@@ -471,8 +477,12 @@ AXIS = {"t [s]": "t", "u [V]": "u", "x [mm]": "x"}
             {"x": "PV [mm]", "x_ref": "SP [mm]"},
         ),
         (AXIS | {"encoder [counts]": "x", "p1 [bar]": "a"}, {"x": "x [mm]"}),
+        (
+            {"t": "t", "A1.u [V]": "u", "A1.p1": "a", "A1.x": "x", "A2.u [V]": "u", "A2.p1": "b", "A2.x": "x"},
+            {"u": "A1.u [V]", "p1": "A1.p1", "x": "A1.x"},
+        ),
     ],
-    ids=["ports", "up and down", "chambers", "ambient", "filtered", "loop", "counts"],
+    ids=["ports", "up and down", "chambers", "ambient", "filtered", "loop", "counts", "axes"],
 )
 def test_all_columns_together_tell_a_role(columns: dict[str, str], wanted: dict[str, str], tmp_path: Path) -> None:
     t = 0.01 * np.arange(500)
@@ -484,18 +494,30 @@ def test_all_columns_together_tell_a_role(columns: dict[str, str], wanted: dict[
     )
     found = guessed(written(tmp_path, f"{','.join(columns)}\n{rows}\n"))
     assert wanted.items() <= found.items()
+    assert not [name for name in found.values() if name.startswith("A2.")]  # of another axis
 
 
-def test_a_supply_in_another_unit_has_the_reference_of_the_chamber_that_it_bounds(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("unit", "off", "said"),
+    [
+        ("MPa", 0.0, "absolute: so p1 comes up to it"),
+        ("bar", 1.013, "p1 rises to 1 bar above p_supply"),
+        ("bar", 0, ""),
+    ],
+)
+def test_a_supply_bounds_the_chamber_that_it_fills(tmp_path: Path, unit: str, off: float, said: str) -> None:
     t = 0.01 * np.arange(500)
     p1 = 7.0 - 5.98 * np.exp(-np.maximum(t - 1, 0))
     rows = "\n".join(
-        f"{a:.2f},{b:g},{0.7 + 1e-5 * (n % 3):.5f},{c:.4f}"
+        f"{a:.2f},{b:g},{(7 - off + 1e-4 * (n % 3)) / (10 if unit == 'MPa' else 1):.5f},{c:.4f}"
         for n, (a, b, c) in enumerate(zip(t, t > 1, p1, strict=True))
     )
-    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],Supply pressure [MPa],p1 [bar]\n{rows}\n")])
+    answer = init.create(
+        tmp_path / "rig", [written(tmp_path, f"t [s],u [V],Supply pressure [{unit}],p1 [bar]\n{rows}\n")]
+    )
     (supply,) = [one for one in answer.columns if one.signal == "p_supply"]
-    assert "absolute: so p1 comes up to it" in supply.why
+    assert said in supply.why
+    assert ("rises" in said) == ("rises" in supply.why)
 
 
 def test_the_only_pressure_at_a_piston_is_doubted_where_it_is_called_the_second(tmp_path: Path) -> None:
