@@ -303,6 +303,14 @@ def test_sheets_with_one_header_are_recordings(tmp_path: Path) -> None:
         np.testing.assert_allclose(p1, P[: t.size] + (part - 1), atol=1e-9)
 
 
+def test_sheets_of_other_channels_are_columns_on_their_own_clocks(tmp_path: Path) -> None:
+    fast = [["t [s]", "p1 [bar(a)]"], *([float(T[n]), float(P[n])] for n in range(COUNT))]
+    slow = [["t [s]", "u [V]", "x [mm]"], *([float(T[n]), float(U[n]), float(X[n])] for n in range(0, COUNT, 4))]
+    write_workbook(tmp_path / "run.xlsx", slow, fast, [["Name", "Value"], ["C", 3.2]])
+    outcome = judge(tmp_path / "run.xlsx", tmp_path / "work", 0.0)
+    assert set(outcome.verdicts.values()) == {"right"}, f"{outcome.verdicts}\n{outcome.why}"
+
+
 def archive_of_two(folder: Path) -> Path:
     import gzip
     import zipfile
