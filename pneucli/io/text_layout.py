@@ -324,7 +324,7 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     kinds = {"stamps": is_date_or_time, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
     cells = _units_in_cells(body, len(names))
-    columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | _bare_hexadecimal(body, len(names))
+    columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | bare_hexadecimal(body, len(names))
     texts = _columns_of(body, lambda field: not is_value(field), len(names))
     columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
@@ -364,7 +364,7 @@ def is_marked_hexadecimal(field: str) -> bool:
     return _HEXADECIMAL.fullmatch(field) is not None
 
 
-def _bare_hexadecimal(body: list[list[str]], width: int) -> frozenset[int]:
+def bare_hexadecimal(body: Sequence[Sequence[str]], width: int) -> frozenset[int]:
     """Return the columns of words of 16 or 32 bits without a mark, of which one at least has letters among digits."""
     words = _columns_of(body, lambda field: _WORD.fullmatch(field) is not None, width)
     mixed = _columns_of(body, lambda field: not field.isalpha(), width) - _columns_of(body, str.isdigit, width)
@@ -382,7 +382,7 @@ def hexadecimal_value(field: str) -> float:
     return float(number - (1 << bits) if bits in (16, 32) and number >> (bits - 1) else number)
 
 
-def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
+def _columns_of(body: Sequence[Sequence[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
     """Return the columns in whose rows something stands, and all of that passes ``test``."""
     columns = [[field for field in column if field not in NULL_TEXTS] for column in zip_longest(*body, fillvalue="")]
     return frozenset(number for number, fields in enumerate(columns[:width]) if fields and all(map(test, fields)))

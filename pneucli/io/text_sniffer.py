@@ -20,6 +20,7 @@ from pneucli.io.text_layout import (
     NULL_TEXTS,
     Rewriting,
     TextLayout,
+    bare_hexadecimal,
     head_of,
     is_cell,
     is_value,
@@ -129,7 +130,8 @@ class _DelimitedTable:
         self._scale_line = -1
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
-        cells = _share(n in self._numeric or not there[n] for n in range(self.width))
+        words = bare_hexadecimal(self._tail, self.width)
+        cells = _share(n in self._numeric or n in words or not there[n] for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
         single *= 0.9 if delimiter == " " and all("\t" in line for line in last) else 1.0  # a tab cuts there, too
         self.score = (
