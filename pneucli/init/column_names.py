@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from pneucli.init.survey_types import Column
-from pneucli.io.file_units import read_unit
+from pneucli.io.file_units import RANGE, read_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
@@ -244,7 +244,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", _INNER.sub("", column.strip())))) or column.strip()
+    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", _INNER.sub("", RANGE.sub("", column.strip()))))) or column.strip()
     if _DOTTED.fullmatch(name) and _NO_NAMES.fullmatch(name.rpartition(".")[2]):
         name = _telling_part(name)
     parts = name.split()

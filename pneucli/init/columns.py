@@ -85,6 +85,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
+    taken = {n: "u" if one == "u2" and "u" not in taken.values() else one for n, one in taken.items()}
     other = _of_another_axis(found.columns, taken)
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}

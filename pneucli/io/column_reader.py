@@ -225,8 +225,10 @@ _CLOCK_NAME = re.compile(
     r"(?i)(?:time(?:_s)?|t(?:_s)?|zeit|(?:time)?stamps?|tout|temps|tiempo|clock)\s*(?:[\[(].*[\])])?"
 )
 # what single values that say a rate, or the time between samples, are called
-RATE_NAMES = re.compile(r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data)[ _]?(?:rate|frequency|freq))\b")
+RATE_NAMES = re.compile(
+    r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data|abtast|mess)[ _]?(?:rate|frequency|freq|frequenz))\b"
+)
 PERIOD_NAMES = re.compile(
     r"(?i)^(?:ts|t_s|d[tx]|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
-    r"(?:sampl(?:e|ing)[ _]?)?(?:interval|period))\b"
+    r"(?:(?:sampl(?:e|ing)|abtast|mess)[ _]?)?(?:intervall?|period))\b"
 )

@@ -13,6 +13,9 @@ from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_
 
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
 _AT_END = re.compile(r"[\s,]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
+RANGE = re.compile(
+    r"(?<![\w.])[-+]?\d+(?:[.,]\d+)?\s*(?:\.{2,3}|[-–…]|to|bis)\s*[-+]?\d+(?:[.,]\d+)?\s*(?=[^\W\d])"
+)  # 0-10 V
 _WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)", "p1 [bar] (abs)"
 _UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
@@ -62,8 +65,8 @@ def unit_in_brackets(name: str) -> str:
 
 
 def read_unit(text: str) -> WrittenUnit:
-    """Return a unit as it is written, known or not; a date since which it counts is no part of it."""
-    text = SINCE.sub("", text)
+    """Return a unit as it is written, known or not; a range, and a date since which it counts, are no part of it."""
+    text = RANGE.sub("", SINCE.sub("", text).partition("=")[0])
     try:
         unit, scale, certain = parse_scaled_unit(text)
     except UnitError:

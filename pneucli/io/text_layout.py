@@ -113,6 +113,7 @@ _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-
 _HEXADECIMAL = re.compile(r"(?i)(?:0x|16#|\$)[\dA-F]+|\d[\dA-F]{3,}h")
 _WORD = re.compile(r"[\dA-F]{4}|[\dA-F]{8}|[\da-f]{4}|[\da-f]{8}")
 _KEY = re.compile(KEY)
+SWITCHES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "ein": 1.0, "aus": 0.0}
 _NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
 MIN_KEYED = 2  # cells of a line that say a name and a number, where others say none
 BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
@@ -130,7 +131,7 @@ class TextLayout:
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
     stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
     has the unit of columns in whose cells a unit stands behind each number; ``hexadecimal`` are those of whole numbers
-    to the base 16.
+    to the base 16, and of ``switches``.
     """
 
     encoding: str
@@ -148,6 +149,7 @@ class TextLayout:
     lines: int | None = None
     cells: Mapping[int, str] = field(default_factory=dict)
     hexadecimal: frozenset[int] = frozenset()
+    switches: frozenset[int] = frozenset()
     rewritings: tuple[Rewriting, ...] = ()
 
     def split(self, line: str) -> list[str]:
@@ -325,6 +327,8 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
     cells = _units_in_cells(body, len(names))
     columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | bare_hexadecimal(body, len(names))
+    columns["switches"] = _columns_of(body, lambda field: field.lower() in SWITCHES, len(names))
+    columns["hexadecimal"] |= columns["switches"]
     texts = _columns_of(body, lambda field: not is_value(field), len(names))
     columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
@@ -372,11 +376,13 @@ def bare_hexadecimal(body: Sequence[Sequence[str]], width: int) -> frozenset[int
 
 
 def hexadecimal_value(field: str) -> float:
-    """Return a whole number to the base 16; one of 4 or 8 digits counts below 0 where its first bit is set.
+    """Return a whole number to the base 16, of which the first of 16 or 32 bits is the sign, or a switch's state.
 
     >>> hexadecimal_value("0x00FF"), hexadecimal_value("16#FFFE"), hexadecimal_value("3FFh")
     (255.0, -2.0, 1023.0)
     """
+    if field.lower() in SWITCHES:
+        return SWITCHES[field.lower()]
     digits = re.sub(r"(?i)^(?:0x|16#|\$)|h$", "", field)
     number, bits = int(digits, 16), 4 * len(digits)
     return float(number - (1 << bits) if bits in (16, 32) and number >> (bits - 1) else number)

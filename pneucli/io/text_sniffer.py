@@ -35,6 +35,7 @@ MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
+MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
 MIN_SIDE = 10  # columns a line, of a table that lies on its side
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
 _THOUSANDS = re.compile(
@@ -77,6 +78,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
         raise InputError(
             where, told, "a row for each sample", "transpose the table, or export it in columns", code="E041"
         )
+    if found.is_cut_in_numbers:
+        told, mend = "the comma cuts columns and stands in numbers", "export it with semicolons, or with points"
+        raise InputError(str(raw.path), told, "a mark for each", mend, code="E041")
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
         raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
@@ -103,7 +107,8 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
 
 MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
-    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*)?[ _]?(?:rate|freq\w*|fs|interval|period|dt|increment|'
+    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)?[ _]?(?:rate|fre[qk]\w*|fs|intervall?|'
+    r"period|dt|increment|"
     r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
     r'(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"?[\s;,]*"?((?:[A-Za-zµ][A-Za-zµ/]*)?)'
 )
@@ -145,6 +150,13 @@ class _DelimitedTable:
         named = rows and not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
         return bool(named) and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
 
+    @property
+    def is_cut_in_numbers(self) -> bool:
+        """Whether a decimal comma cuts numbers: digits alone, and nearly twice as many columns as names."""
+        header = self._rows[self.start - 1] if self.start and self.delimiter == "," else ()
+        few = 1 < len(header) < self.width - 1 and not any(map(is_value, header))
+        return few and all(re.fullmatch(r"[+-]?\d*", field) for row in self._tail for field in row)
+
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width or not self._numeric:
             return False
@@ -156,14 +168,19 @@ class _DelimitedTable:
     def _first_row(self) -> int | None:
         there = [n for n, row in enumerate(self._rows) if row and n >= self._skip]
         good = [self._is_row(self._rows[n]) for n in there]
-        for at, n in enumerate(there):
-            if all(good[at : at + MIN_TABLE_ROWS]):
-                below = there[min(at + 1, len(there) - 1)]
-                if not _are_scales(self._rows[n], self._rows[below]):
-                    return n
-                self._scales, self._scale_line = self._rows[n], n
-                return below
-        return None
+        starts = [at for at in range(len(there)) if all(good[at : at + MIN_TABLE_ROWS]) and not (at and good[at - 1])]
+        if not starts:
+            return None
+        first, *others = starts
+        for at in others:  # a small table may stand above, with a header of its own
+            few = [*good, False].index(False, first) - first < MIN_TABLE_SHARE * ([*good, False].index(False, at) - at)
+            is_header = not self._has_value(there[at - 1]) and self._rows[there[at - 1]] != self._rows[there[first - 1]]
+            first = at if few and is_header else first
+        below = there[min(first + 1, len(there) - 1)]
+        if not _are_scales(self._rows[there[first]], self._rows[below]):
+            return there[first]
+        self._scales, self._scale_line = self._rows[there[first]], there[first]
+        return below
 
     def describe(self, header: bool) -> SniffedLayout:
         start = self.start or 0

@@ -250,6 +250,8 @@ def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, 
         ("Setpoint value spool [V]", "u"),
         ("szelepfeszültség [V]", "u"),
         ("밸브 전압(V)", "u"),
+        ("Valve 0-10V", "u"),
+        ("Pressure (0-10 bar abs)", "p1"),
         ("Steuerspannung in V", "u"),
         ("ロッド側圧力[MPa]", "p2"),
         ("pos_10um", "x"),
@@ -362,6 +364,33 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
     pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
     reference, why = pressure_reference([pascals * 1e-5], "bar", "")
     assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
+
+
+@pytest.mark.parametrize("states", ["FALSE,TRUE", "off,on"])
+def test_a_switched_command_in_words_is_read(tmp_path: Path, states: str) -> None:
+    words = states.split(",")
+    rows = "".join(f"{n / 100},{words[n // 50 % 2]},{3 + np.sin(n / 30):.4f}\n" for n in range(400))
+    path = written(tmp_path, f"t [s],bValveOpen,p1 [bar]\n{rows}")
+    assert guessed(path)["u"] == "bValveOpen"
+    np.testing.assert_array_equal(read(path)[0], np.arange(400) // 50 % 2)
+
+
+def test_a_small_table_above_is_none_of_the_rows_and_a_first_row_of_status_stays(tmp_path: Path) -> None:
+    rows = [f"{n / 100:.2f},{n // 50 % 3},{3 + np.sin(n / 30):.4f}" for n in range(400)]
+    above = "Point,Reference,Reading\n1,0,0.1\n2,5,5.1\n3,9,9.1\n"
+    text = "\n".join(["t [s],u [V],p1 [bar]", *rows]) + "\n"
+    assert guessed(written(tmp_path, f"{above}\n{text}"))["p1"] == "p1 [bar]"
+    status = "\n".join(["t [s],u [V],p1 [bar]", *rows[:4], "0.04,STATUS,ok", *rows[4:]]) + "\n"
+    init.create(tmp_path / "status", [written(tmp_path, status, "b.csv")])
+    assert "# 100 Hz, up to 3.99 s" in (tmp_path / "status" / "pipeline.toml").read_text(encoding="utf-8")
+    values, _ = read(tmp_path / "b.csv", 0)
+    assert values[0] == 0.0
+
+
+def test_a_comma_that_cuts_columns_and_numbers_is_refused_in_one_line(tmp_path: Path) -> None:
+    rows = "".join(f"{n // 100},{n % 100:02d},{n // 50 % 3},0,3,{500 + n}\n" for n in range(200))
+    with pytest.raises(InputError, match="the comma cuts columns and stands in numbers"):
+        init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p1 [bar]\n{rows}")])
 
 
 @pytest.mark.parametrize("dead", [slice(900, 960), slice(1500, None)])

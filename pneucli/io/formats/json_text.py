@@ -59,7 +59,7 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
         for one in node:
             yield from _tables(one) if isinstance(one, Mapping) else ()
     elif isinstance(node, Mapping):
-        names, rows = node.get("columns"), node.get("data", node.get("values"))
+        names, rows = node.get("columns", node.get("header")), node.get("data", node.get("values", node.get("rows")))
         name, unit = str(node.get("target", node.get("name")) or ""), node.get("unit", node.get("units"))
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
