@@ -86,7 +86,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
     taken = {n: "u" if one == "u2" and "u" not in taken.values() else one for n, one in taken.items()}
-    other = _of_another_axis(found.columns, taken)
+    other = _of_another_axis(found.columns, names, taken)
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
@@ -104,12 +104,14 @@ def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], cl
     return len(rest) > 1 and len(stems) == 1 and not any(names[n].nouns or names[n].unit for n in rest)
 
 
-def _of_another_axis(columns: Sequence[Column], taken: Mapping[int, str]) -> set[int]:
+def _of_another_axis(columns: Sequence[Column], names: Sequence[ColumnName], taken: Mapping[int, str]) -> set[int]:
     """Return the taken columns of a group that has a position, and is not that of x: those of another axis."""
-    groups = [re.split(r"[/.](?=[^/.]*$)", one.name) for one in columns]
-    position = next((groups[n] for n, one in taken.items() if one == "x"), [])
-    others = {own[0] for own in groups if len(own) == len(position) == 2 and own[1] == position[1] and own != position}
-    return {n for n, one in taken.items() if groups[n][0] in others and len(groups[n]) == 2}
+    groups = [one.name.replace(".", "/").rpartition("/")[::2] for one in columns]
+    own = next((groups[n] for n, one in taken.items() if one == "x"), ("", ""))
+    places = {
+        group for (group, last), name in zip(groups, names, strict=True) if name.kind == "position" and last == own[1]
+    }
+    return {n for n in taken if groups[n][0] in places - {own[0]}}
 
 
 def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) -> set[int]:

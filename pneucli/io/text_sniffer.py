@@ -187,14 +187,15 @@ class _DelimitedTable:
         if self._keys:
             return SniffedLayout(False, start, self.delimiter, self._keys, (), self._thousands())
         above = [n for n in range(self._skip, start) if not _is_skipped(self._lines[n]) and n != self._scale_line]
-        names, units, at = (self._paired(above) or self._header(above)) if header else ((), (), None)
+        paired = self._paired(above) if header else None
+        names, units, at = paired or (self._header(above) if header else ((), (), None))
         further = [n for n in above if at is not None and n > at]  # lines that reading does not pass over
         direct = at is not None and not self._scales and len(further) == bool(units)
         skip = at if direct and at is not None else start if above or self._skip else 0
         skip = 0 if direct and not [n for n in above if n < skip] else skip
         names = names or self._names_in_comment(start)
-        titles, own = self._channel_table(above, names)
-        titles = titles or self._other_lines(above, names)
+        titles, own = ((), ()) if paired else self._channel_table(above, names)
+        titles = titles or (() if paired else self._other_lines(above, names))
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
         units = units or own or next((row for row in wide if _are_units(row)), ())
         scales = self._keyed(above, _SCALES) or self._scales or ("",) * len(units)
