@@ -414,6 +414,27 @@ def _scale_line(page: Page) -> list[list[str]]:
     return [["Name", *page.bare], ["Unit", *page.units], ["Scale", *scales], *rows]
 
 
+def _scales_below(page: Page) -> list[list[str]]:
+    scales = [*["1"] * page.first, *["0.001"] * (len(page.header) - page.first)]
+    rows = [[*row[: page.first], *(f"{1e3 * float(text):.2f}" for text in row[page.first :])] for row in page.rows]
+    return [page.header, scales, *rows]
+
+
+def _over_pairs(page: Page) -> list[list[str]]:
+    clock, count = [f"{1e3 * t:.0f}" for t in page.sheet.time], len(page.header) - page.first
+    names = [both for name in page.header[page.first :] for both in (name, "")]
+    rows = [
+        [both for text in row[page.first :] for both in (at, text)] for at, row in zip(clock, page.rows, strict=True)
+    ]
+    return [names, ["t [ms]", "y"] * count, *rows]
+
+
+def _segments(page: Page) -> list[list[str]]:
+    head = [["Channels", "3", "", "", "", ""], ["Delta_X", "0.01", "0.01", "0.01"], ["***End_of_Header***"]]
+    parts = [page.rows[n : n + 100] for n in range(0, len(page.rows), 100)]
+    return [line for part in parts for line in (*head, page.header, *part)]
+
+
 def _with_pages(page: Page) -> list[list[str]]:
     parts = [page.rows[n : n + 60] for n in range(0, len(page.rows), 60)]
     return [line for n, part in enumerate(parts) for line in (["Page", str(n + 1)], page.header, *part)]
@@ -454,6 +475,11 @@ _FURTHER: dict[str, Callable[[Page], str]] = {
     "clock last": _tabled(lambda page: [[*row[page.first :], *row[: page.first]] for row in [page.header, *page.rows]]),
     "types": _tabled(lambda page: [page.header, ["REAL"] * len(page.header), *page.rows]),
     **{"page heads": _tabled(_with_pages), "scale line": _tabled(_scale_line)},
+    **{
+        "scales below": _tabled(_scales_below),
+        "segments": _tabled(_segments),
+        "names over pairs": _tabled(_over_pairs),
+    },
     "names with commas": lambda page: _joined(
         ",", [[f'"{n}, {u}"' if u else n for n, u in zip(page.bare, page.units, strict=True)], *page.rows]
     ),

@@ -15,6 +15,7 @@ from pneucli.arrays import Array
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.survey_types import Column
 from pneucli.io.clock import CounterClock, spread_stamps
+from pneucli.io.column_reader import PERIOD_NAMES, RATE_NAMES
 from pneucli.io.expression import Expression
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit, same_dimension
@@ -237,11 +238,6 @@ _WORDS = (
     (re.compile(r"(?i)minutes?(?![a-z])|(?<![a-z])mins?(?![a-z])"), "min"),
     (re.compile(r"(?i)(?<![a-z])(?:days?|datenum)(?![a-z])"), "d"),
 )
-_RATE_NAMES = re.compile(r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data)[ _]?(?:rate|frequency|freq))\b")
-_PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|dt|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
-    r"(?:sampl(?:e|ing)[ _]?)?(?:interval|period))\b"
-)
 Vote = tuple[str, str]  # unit, and why
 AGREE = 2.0  # things that speak for a unit without a doubt
 LIKELIER = "it is the likelier of several units"  # decides where nothing else speaks, and counts for nothing else
@@ -282,16 +278,18 @@ def unusual_rate(seconds: Array) -> str:
 
 def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:
     """Return what single values say of the time between two samples (s), with the name that says it; None: nothing."""
+    found = {}
     for name, value in scalars.items():
         plain = name.rpartition("/")[2].strip()
-        if value > 0 and (_RATE_NAMES.match(plain) or _PERIOD_NAMES.match(plain)):
-            return name, 1.0 / value if _RATE_NAMES.match(plain) else value
-    return None
+        if value > 0 and (RATE_NAMES.match(plain) or PERIOD_NAMES.match(plain)):
+            found[name] = 1.0 / value if RATE_NAMES.match(plain) else value
+    agree = found and max(found.values()) < (1 + SAME) * min(found.values())
+    return next(iter(found.items())) if agree else None
 
 
 def is_rate(name: str) -> bool:
     """Return whether a single value of this name is a rate, and no time between samples."""
-    return _RATE_NAMES.match(name.rpartition("/")[2].strip()) is not None
+    return RATE_NAMES.match(name.rpartition("/")[2].strip()) is not None
 
 
 def _votes(

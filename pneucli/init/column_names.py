@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from pneucli.init.survey_types import Column
-from pneucli.io.file_units import read_unit
+from pneucli.io.file_units import RANGE, read_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
@@ -22,7 +22,7 @@ from pneucli.units import same_dimension
 NOUNS: dict[str, str] = {
     "time": "t ts time- -time zeit -zeit uhrzeit temps tiempo tempo tijd timestamp clock uhr stamp datetime "
     "elapsed filetime czas tout micros millis tid aika cas ido zaman timp время -时间- -時間- -시간-",
-    "pressure": "p pa pb ps p0 pt pit pres press- psup- ptank- -pressure druck -druck druck- pression "
+    "pressure": "p pa pb ps p0 pt pit pres press- -pressure druck -druck druck- pression "
     "presion pressione druk cisnienie tryck- -tryck trykk- -trykk tryk- -tryk paine- -paine tlak- nyomas- "
     "basinc- pressao presiune давлен- -压力- -圧力- -압력-",
     "force": "f force- -force kraft- -kraft fuerza effort kracht forza load- cell torque -moment moment tau voima sila "
@@ -38,7 +38,8 @@ NOUNS: dict[str, str] = {
     "-温度- -온도-",
     "command": "u op cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne "
     "valvula ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- "
-    "sterow- rizen- vezerl- kumanda- comando mando stuur- napiecie napeti управл- напряж- -电压- -電圧- -전압- -阀- "
+    "sterow- rizen- vezerl- kumanda- comando mando -spannung stuur- napiecie napeti szelep- -feszultseg -jannite "
+    "-spaending tensao tensiune управл- напряж- -电压- -電圧- -전압- -阀- "
     "-弁- -指令-",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
@@ -52,7 +53,7 @@ _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = (
-    "s ps sup psup- supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 "
+    "s ps sup supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 "
     "alimenta- matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"
 )
 UPSTREAM = "up upstream vor inlet in entry eingang primary"
@@ -60,10 +61,10 @@ DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
 DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p Δ"  # of two pressures
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
-_TANK = "tank- ptank- kessel- reservoir- vessel- behalter- accumulator"
+_TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- sp target- desired des goal- qg sollwert demand consigne"
-_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆-"
-_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract -有杆-"
+_FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆- -ヘッド-"
+_SECOND = "2 b pb ii two second rechts right hinten rear rod stange- ring- stangenseite retract -有杆- -ロッド-"
 _PLAIN_READINGS, _MEANS = "raw adc", "mean avg ave average"
 _DERIVED = "filt- smooth- glatt- est- calc- model- sim-"  # made of another column
 _SPREADS = "min max minimum maximum rms std stdev sd sigma pp"
@@ -90,6 +91,8 @@ _KINDS = {
 _ANGLE = re.compile("m?rad|deg|°")
 _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l", "Ł": "L", "ı": "i", "đ": "d"})
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
+_VOICED = "\u3099\u309a"  # marks of Japanese letters, which are no accents
+_JOINED = re.compile(r"(p)(sup\w*|tank|vessel|chamber|cyl\w*|rail|line|source|left|right|front|rear)")  # run together
 _INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
 _VALUE = re.compile(r"(?i)(?<!^x)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
@@ -99,7 +102,8 @@ _MARKED = re.compile(
     r"^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$"
 )
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
-_NO_NAMES = re.compile(r"(?i)data|values?|signal|(?:in|out)\d*")  # last parts of paths that say nothing
+_NO_NAMES = re.compile(r"(?i)data|(?:y_)?values?|signal|samples|(?:in|out)\d*")  # last parts of paths that say nothing
+_INNER = re.compile(r"(?<=\S)\s*\[[^\]]*\](?=\s*\([^()]*\)$)")  # a unit in front of its state: "Q [l/min] (ANR)"
 _NOTE = re.compile(r"(?<=.)\s*\((?=[^()]*[:;=,])[^()]*\)\s*$")  # behind a name: "(LGR S/N: 203, SEN S/N: 2)"
 _WORDS_TOO = ("in", "at", "min")  # units that are words of names more often: p_in is no pressure in inches
 _SLASH = re.compile(r"^([^/\[(<]+?)\s*/\s*([^/\d][^/]*)$")  # "p / bar", as standards write it
@@ -169,8 +173,8 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
         return  # of the valve, not of the piston
     elif kind == "position":
         yield "x_ref" if is_reference else "x", certainty
-    elif kind == "command" and nouns:  # volts alone may be any sensor's
-        read_back = name.has(_FEEDBACK)
+    elif kind == "command" and (nouns or is_reference):  # volts alone may be any sensor's
+        read_back = name.has(_FEEDBACK) and not is_reference
         yield "u", certainty - second - read_back
         yield from [("u2", certainty - (not second))] * (not read_back)
     elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
@@ -227,8 +231,11 @@ def is_spread(name: ColumnName) -> bool:
 
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
-    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    words = tuple(part.lower() for part in _WORD.findall(plain))
+    plain = "".join(letter for letter in plain if letter in _VOICED or not unicodedata.combining(letter))
+    found = (
+        _JOINED.fullmatch(part.lower()) or part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain))
+    )
+    words = tuple(word for one in found for word in ((one,) if isinstance(one, str) else one.groups()))
     return words[:1] if words[:1] and words[0] in _INPUTS and all(len(word) < 3 for word in words[1:]) else words
 
 
@@ -237,7 +244,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", column.strip()))) or column.strip()
+    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", _INNER.sub("", RANGE.sub("", column.strip()))))) or column.strip()
     if _DOTTED.fullmatch(name) and _NO_NAMES.fullmatch(name.rpartition(".")[2]):
         name = _telling_part(name)
     parts = name.split()
@@ -250,7 +257,7 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
         if match := pattern.match(name):
             stem, unit = (part for part in match.groups() if part is not None)
             stem, unit = _longest_unit(stem, unit) if pattern is _SUFFIX else (stem, unit)
-            if is_unit(unit) and not unit.isdigit():
+            if is_unit(unit) and read_unit(unit).is_plain and not unit.isdigit():
                 certainty = (
                     pattern is not _SUFFIX or unit in ("V", "%") or (len(unit) > 1 and unit.lower() not in _WORDS_TOO)
                 )
@@ -289,7 +296,9 @@ def _telling_parts(name: str) -> list[str]:
     """Return the parts of a path up to the last that tells something."""
     dotted = _DOTTED.fullmatch(name) is not None
     parts = [part for part in re.split(r"\." if dotted else r"/(?![^\[(]*[\])])", name) if part]
-    while len(parts) > 1 and _NO_NAMES.fullmatch(parts[-1]):
+    while len(parts) > 1 and (
+        _NO_NAMES.fullmatch(parts[-1]) or (parts[-1] == "y" and ColumnName(_words(parts[-2]), "").nouns)
+    ):
         parts.pop()
     return parts
 
@@ -299,9 +308,11 @@ def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
     ends = Counter(_telling_part(one.name) for one in columns)
     found = []
     for one in columns:
-        parts = _telling_parts(one.name)
-        alike = len(parts) > 1 and ends[parts[-1]] > 1
-        found.append(read_name(replace(one, name=" ".join(parts[-2:])) if alike else one, is_text))
+        parts = [part for part in _telling_parts(one.name)[:-1] if not _NO_NAMES.fullmatch(part)][-1:]
+        last, before = _telling_part(one.name), [ColumnName(_words(part), "") for part in parts]
+        element = last.isdigit() or any(len(name.words) == len(name.nouns) == 1 for name in before)
+        both = parts and (ends[last] > 1 or (element and not read_name(one, is_text).nouns))
+        found.append(read_name(replace(one, name=f"{parts[0]} {last}") if both else one, is_text))
     return found
 
 

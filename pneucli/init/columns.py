@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -69,6 +69,9 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     still = {n for n in _constant_columns(surveys, names) if clock is not None or names[n].kind != "pressure"}
     still |= repeated_clocks(found.columns) | variants(names)
     usable = [n for n in range(len(names)) if found.columns[n].finite_values.size > 1]
+    clock_name = None if clock is None else found.columns[clock].name
+    still |= {n for n in usable if counts_rows(found.columns[n]) and found.columns[n].finite_values[0] in (0, 1)}
+    still |= {n for n in usable if found.columns[n].name == clock_name}
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
     switched = {n for n in free if _is_switched(found.columns[n])}
     named = ((n, *own) for n in free for own in signal_scores(names[n]))
@@ -82,6 +85,9 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
+    taken = {n: "u" if one == "u2" and "u" not in taken.values() else one for n, one in taken.items()}
+    other = _of_another_axis(found.columns, names, taken)
+    taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
     guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
@@ -96,6 +102,16 @@ def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], cl
     rest = [n for n in range(len(columns)) if n != clock]
     stems = {re.sub(r"\d+", "", columns[n].name) for n in rest}
     return len(rest) > 1 and len(stems) == 1 and not any(names[n].nouns or names[n].unit for n in rest)
+
+
+def _of_another_axis(columns: Sequence[Column], names: Sequence[ColumnName], taken: Mapping[int, str]) -> set[int]:
+    """Return the taken columns of a group that has a position, and is not that of x: those of another axis."""
+    groups = [one.name.replace(".", "/").rpartition("/")[::2] for one in columns]
+    own = next((groups[n] for n, one in taken.items() if one == "x"), ("", ""))
+    places = {
+        group for (group, last), name in zip(groups, names, strict=True) if name.kind == "position" and last == own[1]
+    }
+    return {n for n in taken if groups[n][0] in places - {own[0]}}
 
 
 def _constant_columns(surveys: Sequence[Survey], names: Sequence[ColumnName]) -> set[int]:

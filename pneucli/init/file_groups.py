@@ -251,14 +251,18 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]
 
 
 def _reference_of_supply(kind: FileGroup, references: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
-    """Return the reference of a supply in a unit of its own, where it bounds a chamber whose reference is known."""
+    """Return the reference of a supply that bounds a chamber of known reference, in a unit of its own, or a doubt."""
     own = [kind.signals.get(name) for name in ("p_supply", "p1")]
-    if own[0] is None or own[1] is None or own[0].unit == own[1].unit or not parse_unit(own[0].unit).factor:
+    if own[0] is None or own[1] is None or not parse_unit(own[0].unit).factor:
         return {}
     custom, known = references[own[0].unit], references[own[1].unit]
+    supply = float(np.median(kind.pooled_values("p_supply"))) - float(np.quantile(kind.pooled_values("p1"), 0.99))
+    if own[0].unit == own[1].unit:
+        doubt = f"CHECK {known[1].removeprefix('CHECK ')}; p1 rises to 1 bar above p_supply: is one of them gauge?"
+        doubted = "stated" not in known[1] and abs(supply / STANDARD_ATMOSPHERE + 1) < 0.3
+        return {own[0].unit: (known[0], doubt)} if doubted else {}
     if _certainty(custom) or not _certainty(known):
         return {}
-    supply = float(np.median(kind.pooled_values("p_supply"))) - float(np.quantile(kind.pooled_values("p1"), 0.99))
     off = {
         one: abs(supply + STANDARD_ATMOSPHERE * ((one == "gauge") - (known[0] == "gauge")))
         for one in ("gauge", "absolute")

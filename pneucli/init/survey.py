@@ -217,6 +217,7 @@ def _survey_binary(raw: RawFile) -> Survey:
             continue
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
+    columns = [_with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
     columns = [one for one in columns if one.values.size > 1]
     if not columns:
@@ -228,7 +229,10 @@ def _survey_binary(raw: RawFile) -> Survey:
             (_column(reader, n, reader.names[n], reader.names[n], np.empty(0)) for n in reader.clock_names), None
         )
         texts = [_counted(name, own) for name, own in labels.items()]
-        return Survey(raw, False, _aligned(columns, shared), scalars, [*unused, *texts])
+        runs = [(run, _aligned(own, shared)) for run, own in runs_beside_one_another(columns)]
+        return Survey(
+            raw, False, runs[0][1] if runs else _aligned(columns, shared), scalars, [*unused, *texts], runs=runs
+        )
     sizes = Counter(one.values.size for one in columns)
     usual = max(sizes, key=lambda size: (sizes[size], size))
     other = [

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import is_increasing
+from pneucli.init.clock_columns import is_increasing, may_be_clock
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.survey_types import Column
 from pneucli.io.raw_file import ColumnKey, ColumnValues
@@ -21,6 +21,7 @@ from pneucli.io.raw_file import ColumnKey, ColumnValues
 MAX_LABELS = 30  # channels of a long table
 MAX_RUNS = 200  # runs in one table
 MIN_REPEATED_STAMPS = 0.2  # of the rows of a long table whose channels were sampled together
+MIN_READINGS = 2  # that repeat in an array of structs, each of which is a run: of one each is another channel
 MIN_NAMED = 0.5  # of the labels, that name a quantity
 _VALUE = re.compile(
     r"(?i)(?:var|tag|signal|raw)?[\s_]?value|val|payload|reading|data|y|wert|valeur|valor|_value|numeric_value"
@@ -32,11 +33,12 @@ _SOURCE, _SERVER = (
     re.compile(r"(?i)source|device|measured|origin"),
     re.compile(r"(?i)server|receiv|arriv|logged|ingest"),
 )
-_RUN_WORDS = r"run|test|trial|rep|repeat|repetition|versuch|messung|lauf|essai|prueba"
+_RUN_WORDS = r"run|test|trial|rep|repeat|repetition|measurement|recording|versuch|messung|lauf|essai|prueba"
 _RUN_COLUMN = re.compile(
     rf"(?i)(?:.*[_\s/.])?(?:{_RUN_WORDS}|experiment|batch|shot)s?(?:[_\s.]*(?:id|no|nr|number|index|#))?\.?"
 )
-_RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})[\s_\-.#]*(\d+)\)?")
+_RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})s?[\s_\-.#/]*(\d+)\)?")
+_ELEMENT = re.compile(r"(?<=\w)/(\d+)(?=/)")  # of an array of structs
 
 Labels = Mapping[str, ColumnValues]  # columns of text, or of numbers that were read as text, by name
 
@@ -139,20 +141,12 @@ def runs_beside_one_another(columns: Sequence[Column]) -> list[tuple[str, list[C
 
     Columns without a run belong to each of them.
     """
-    tags = [_RUN_TAG.search(one.name) for one in columns]
+    tags = [_RUN_TAG.search(one.name) or _ELEMENT.search(one.name) for one in columns]
     runs = list(dict.fromkeys(tag[1] for tag in tags if tag))
-    plain = [_RUN_TAG.sub("", one.name) for one in columns]
-    repeated = {stem for stem, tag in zip(plain, tags, strict=True) if tag and plain.count(stem) > 1}
-    if len(runs) < 2 or not repeated:
+    plain = [one.name.replace(tag[0], "") if tag else one.name for one, tag in zip(columns, tags, strict=True)]
+    table = list(zip(columns, plain, tags, strict=True))
+    repeated = {stem for one, stem, tag in table if tag and plain.count(stem) > 1 and not may_be_clock(one)}
+    called = any(_RUN_TAG.search(one.name) for one in columns)
+    if len(runs) < 2 or len(repeated) < (1 if called else MIN_READINGS):
         return []
-    return [
-        (
-            run,
-            [
-                replace(one, name=stem)
-                for one, stem, tag in zip(columns, plain, tags, strict=True)
-                if not tag or tag[1] == run
-            ],
-        )
-        for run in runs
-    ]
+    return [(run, [replace(one, name=stem) for one, stem, tag in table if not tag or tag[1] == run]) for run in runs]

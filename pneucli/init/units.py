@@ -8,6 +8,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.io.cleaning import MAX_SPEED
+from pneucli.io.signal_repairs import MIN_JUMP_STEPS, MIN_SINGLE_RUN, USUAL_STEP
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE, MIN_SUPPLY
 from pneucli.quantities import SIGNALS
@@ -65,7 +66,7 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
     if stated or parsed.gauge or parsed.absolute:
         found = stated or ("gauge" if parsed.gauge else "absolute")
         return found, f"{found}: stated by the file"
-    pascals = [to_si(values, unit, "Pa") for values in columns]
+    pascals = [to_si(_without_dropout(values), unit, "Pa") for values in columns]
     least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
     lowest = format_signal(least, "p1", 4)
     if least < LOWEST_GAUGE:
@@ -89,6 +90,16 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
     return guess, f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
+
+
+def _without_dropout(values: Array) -> Array:
+    """Return readings without their lowest, where only jumps lead there: a channel that was dead tells no reference."""
+    low = values == values.min(initial=np.inf)
+    steps = np.abs(np.diff(values))
+    at_edges, others = steps[low[1:] != low[:-1]], steps[~low[1:] & ~low[:-1]]
+    if np.count_nonzero(low) < MIN_SINGLE_RUN or not at_edges.size or not others.size:
+        return values
+    return values[~low] if at_edges.min() > MIN_JUMP_STEPS * np.quantile(others, USUAL_STEP) else values
 
 
 def pressure_reference_from_force(

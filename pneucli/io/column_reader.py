@@ -224,3 +224,11 @@ def clocks_by_group(names: Sequence[str], sizes: Mapping[str, int]) -> dict[str,
 _CLOCK_NAME = re.compile(
     r"(?i)(?:time(?:_s)?|t(?:_s)?|zeit|(?:time)?stamps?|tout|temps|tiempo|clock)\s*(?:[\[(].*[\])])?"
 )
+# what single values that say a rate, or the time between samples, are called
+RATE_NAMES = re.compile(
+    r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data|abtast|mess)[ _]?(?:rate|frequency|freq|frequenz))\b"
+)
+PERIOD_NAMES = re.compile(
+    r"(?i)^(?:ts|t_s|d[tx]|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
+    r"(?:(?:sampl(?:e|ing)|abtast|mess)[ _]?)?(?:intervall?|period))\b"
+)

@@ -59,7 +59,11 @@ class DelimitedReader(Reader):
         self.start: datetime | None = None
         self.losses: Counter[str] = Counter()
         above = {number: unit for number, unit in enumerate(self._look.units) if unit not in NULL_TEXTS}
-        self.units = {**self._look.cells, **above, **dict.fromkeys(self._look.hexadecimal, HEXADECIMAL)}
+        self.units = {
+            **self._look.cells,
+            **above,
+            **dict.fromkeys(self._look.hexadecimal - self._look.switches, HEXADECIMAL),
+        }
         self._words: dict[int, Counter[str]] = {}
         if self._look.units:
             self.repairs.append(Repair("", "units-line", 1, "the line below the header holds no number: units"))

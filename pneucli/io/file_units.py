@@ -13,7 +13,11 @@ from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_
 
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
 _AT_END = re.compile(r"[\s,]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
-_UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,*/^·×²³⁻°%µ-]{1,24}")
+RANGE = re.compile(
+    r"(?<![\w.])[-+]?\d+(?:[.,]\d+)?\s*(?:\.{2,3}|[-–…]|to|bis)\s*[-+]?\d+(?:[.,]\d+)?\s*(?=[^\W\d])"
+)  # 0-10 V
+_WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)", "p1 [bar] (abs)"
+_UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
     "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
     "actual first second upper lower main signal float double int value"
@@ -43,7 +47,9 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     """Return the unit that a file states for its column; None where it states none."""
     in_name = _BRACKETED.search(reader.names[place])
     at_end = _AT_END.search(reader.names[place])
-    texts = [reader.units.get(place), at_end and at_end[1], in_name and in_name[2]]
+    inner = _WITH_STATE.search(reader.names[place])
+    of_state = (f"{inner[1]} {inner[2]}", inner[1]) if inner else ()
+    texts = [reader.units.get(place), at_end and at_end[1], *of_state, in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
     if reader.units.get(place) and is_count(found[0].text):
         return found[0]  # whatever the name says, this is no number in its unit
@@ -52,9 +58,15 @@ def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     return known or file_unit
 
 
+def unit_in_brackets(name: str) -> str:
+    """Return what stands in brackets at the end of a name; empty where nothing does."""
+    found = _BRACKETED.search(name)
+    return found[2] if found else ""
+
+
 def read_unit(text: str) -> WrittenUnit:
-    """Return a unit as it is written, known or not; a date since which it counts is no part of it."""
-    text = SINCE.sub("", text)
+    """Return a unit as it is written, known or not; a range, and a date since which it counts, are no part of it."""
+    text = RANGE.sub("", SINCE.sub("", text).partition("=")[0])
     try:
         unit, scale, certain = parse_scaled_unit(text)
     except UnitError:

@@ -105,6 +105,7 @@ NULL_TEXTS = (
     *("OL", "OVER", "OVERFLOW", "OVERLOAD", "UNDER", "ERR", "ERROR", "Error", "BAD", "Bad", "INVALID", "Invalid"),
     *("*" * number for number in range(1, 13)),  # a field too narrow for its number
 )
+_BEGINS_NUMBER = "0123456789+-.,'\"#"  # or a row, or a comment
 _POINTS_BEFORE_COMMA = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+,\d+")
 _POINTS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:\.\d{3})+(?:,\d+)?")
 _COMMAS_BETWEEN_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d+)?")
@@ -112,6 +113,7 @@ _CELL = re.compile(r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-
 _HEXADECIMAL = re.compile(r"(?i)(?:0x|16#|\$)[\dA-F]+|\d[\dA-F]{3,}h")
 _WORD = re.compile(r"[\dA-F]{4}|[\dA-F]{8}|[\da-f]{4}|[\da-f]{8}")
 _KEY = re.compile(KEY)
+SWITCHES = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "ein": 1.0, "aus": 0.0}
 _NUMBER_OF_KEY = re.compile(r"[ ]?[:=][ ]?[-+]?\.?\d")
 MIN_KEYED = 2  # cells of a line that say a name and a number, where others say none
 BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
@@ -129,7 +131,7 @@ class TextLayout:
     ``dated_stamps`` are those of ``stamps`` that have their dates. ``repeated`` are the lines of the header, which may
     stand again among the rows; ``lines`` is how many lines after ``skip`` are read, all where it is None. ``cells``
     has the unit of columns in whose cells a unit stands behind each number; ``hexadecimal`` are those of whole numbers
-    to the base 16.
+    to the base 16, and of ``switches``.
     """
 
     encoding: str
@@ -147,6 +149,7 @@ class TextLayout:
     lines: int | None = None
     cells: Mapping[int, str] = field(default_factory=dict)
     hexadecimal: frozenset[int] = frozenset()
+    switches: frozenset[int] = frozenset()
     rewritings: tuple[Rewriting, ...] = ()
 
     def split(self, line: str) -> list[str]:
@@ -249,7 +252,7 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
         for total, line in enumerate(file, 1):
             if line.strip() == header:
                 at.append(total)
-                ends.append(total - 1 - lines_above(recent, header, look.delimiter))
+                ends.append(total - 1 - lines_above([*recent], header, look.delimiter))
             recent.append(line)
     if not at or not 1 <= (raw.part or 0) <= len(at):
         found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
@@ -261,15 +264,19 @@ def _part(raw: RawFile, look: TextLayout) -> TextLayout:
 
 
 def lines_above(lines: Sequence[AnyStr], header: AnyStr, delimiter: AnyStr) -> int:
-    """Return how many of the last lines belong to a header that stands again below them: words, of another width."""
+    """Return how many of the last lines belong to a header that stands again below them: those that begin with words.
+
+    Where rows begin with words as well, those of another width than the header.
+    """
     mark = delimiter.strip(" " if isinstance(delimiter, str) else b" ") or None  # None: blanks
-    width, found = len(header.split(mark)), 0
-    while found < min(len(lines), MAX_LINES_ABOVE):
-        line = lines[-1 - found].strip()
-        if line and (not line[:1].isalpha() or len(line.split(mark)) == width):
-            break
-        found += 1
-    return found
+    width, last = len(header.split(mark)), [line.strip() for line in lines[-MAX_LINES_ABOVE:]][::-1]
+    firsts = [line[:1] if isinstance(line, str) else line[:1].decode("latin-1") for line in last]
+    words = next((n for n, first in enumerate(firsts) if first and first in _BEGINS_NUMBER), len(last))
+    return (
+        words
+        if words < len(last)
+        else next((n for n, line in enumerate(last) if len(line.split(mark)) == width), words)
+    )
 
 
 def table_end(lines: Sequence[str], split: Callable[[str], list[str]], least: int = MIN_ROWS_ABOVE) -> int | None:
@@ -319,7 +326,9 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     kinds = {"stamps": is_date_or_time, "dates": is_date, "dated_stamps": has_date}
     columns = {kind: _columns_of(body, test, len(names)) for kind, test in kinds.items()}
     cells = _units_in_cells(body, len(names))
-    columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | _bare_hexadecimal(body, len(names))
+    columns["hexadecimal"] = _columns_of(body, is_marked_hexadecimal, len(names)) | bare_hexadecimal(body, len(names))
+    columns["switches"] = _columns_of(body, lambda field: field.lower() in SWITCHES, len(names))
+    columns["hexadecimal"] |= columns["switches"]
     texts = _columns_of(body, lambda field: not is_value(field), len(names))
     columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
@@ -359,7 +368,7 @@ def is_marked_hexadecimal(field: str) -> bool:
     return _HEXADECIMAL.fullmatch(field) is not None
 
 
-def _bare_hexadecimal(body: list[list[str]], width: int) -> frozenset[int]:
+def bare_hexadecimal(body: Sequence[Sequence[str]], width: int) -> frozenset[int]:
     """Return the columns of words of 16 or 32 bits without a mark, of which one at least has letters among digits."""
     words = _columns_of(body, lambda field: _WORD.fullmatch(field) is not None, width)
     mixed = _columns_of(body, lambda field: not field.isalpha(), width) - _columns_of(body, str.isdigit, width)
@@ -367,17 +376,19 @@ def _bare_hexadecimal(body: list[list[str]], width: int) -> frozenset[int]:
 
 
 def hexadecimal_value(field: str) -> float:
-    """Return a whole number to the base 16; one of 4 or 8 digits counts below 0 where its first bit is set.
+    """Return a whole number to the base 16, of which the first of 16 or 32 bits is the sign, or a switch's state.
 
     >>> hexadecimal_value("0x00FF"), hexadecimal_value("16#FFFE"), hexadecimal_value("3FFh")
     (255.0, -2.0, 1023.0)
     """
+    if field.lower() in SWITCHES:
+        return SWITCHES[field.lower()]
     digits = re.sub(r"(?i)^(?:0x|16#|\$)|h$", "", field)
     number, bits = int(digits, 16), 4 * len(digits)
     return float(number - (1 << bits) if bits in (16, 32) and number >> (bits - 1) else number)
 
 
-def _columns_of(body: list[list[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
+def _columns_of(body: Sequence[Sequence[str]], test: Callable[[str], bool], width: int) -> frozenset[int]:
     """Return the columns in whose rows something stands, and all of that passes ``test``."""
     columns = [[field for field in column if field not in NULL_TEXTS] for column in zip_longest(*body, fillvalue="")]
     return frozenset(number for number, fields in enumerate(columns[:width]) if fields and all(map(test, fields)))

@@ -12,12 +12,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
+from pneucli.io.column_reader import number_in
+from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import (
     BRACKETS,
     NULL_TEXTS,
     Rewriting,
     TextLayout,
+    bare_hexadecimal,
     head_of,
     is_cell,
     is_value,
@@ -32,6 +35,7 @@ MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
+MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
 MIN_SIDE = 10  # columns a line, of a table that lies on its side
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
 _THOUSANDS = re.compile(
@@ -74,6 +78,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
         raise InputError(
             where, told, "a row for each sample", "transpose the table, or export it in columns", code="E041"
         )
+    if found.is_cut_in_numbers:
+        told, mend = "the comma cuts columns and stands in numbers", "export it with semicolons, or with points"
+        raise InputError(str(raw.path), told, "a mark for each", mend, code="E041")
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
         raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
@@ -100,7 +107,8 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
 
 MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
-    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*)?[ _]?(?:rate|freq\w*|fs|interval|period|dt|increment|'
+    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)?[ _]?(?:rate|fre[qk]\w*|fs|intervall?|'
+    r"period|dt|increment|"
     r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
     r'(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"?[\s;,]*"?((?:[A-Za-zµ][A-Za-zµ/]*)?)'
 )
@@ -123,10 +131,14 @@ class _DelimitedTable:
         self._tail = [row for row in tail if len(row) == self.width]
         there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
         self._numeric = [n for n in range(self.width) if _share(map(is_cell, there[n])) >= MIN_VALUE_SHARE]
+        self._scales: tuple[str, ...] = ()
+        self._scale_line = -1
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
-        cells = _share(n in self._numeric or not there[n] for n in range(self.width))
+        words = bare_hexadecimal(self._tail, self.width)
+        cells = _share(n in self._numeric or n in words or not there[n] for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
+        single *= 0.9 if delimiter == " " and all("\t" in line for line in last) else 1.0  # a tab cuts there, too
         self.score = (
             usual * cells * single if self._numeric and self.start is not None and self.width < _MAX_COLUMNS else 0
         )
@@ -138,10 +150,17 @@ class _DelimitedTable:
         named = rows and not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
         return bool(named) and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
 
+    @property
+    def is_cut_in_numbers(self) -> bool:
+        """Whether a decimal comma cuts numbers: digits alone, and nearly twice as many columns as names."""
+        header = self._rows[self.start - 1] if self.start and self.delimiter == "," else ()
+        few = 1 < len(header) < self.width - 1 and not any(map(is_value, header))
+        return few and all(re.fullmatch(r"[+-]?\d*", field) for row in self._tail for field in row)
+
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width or not self._numeric:
             return False
-        if any(row[n] not in NULL_TEXTS for n in range(self._numeric[0]) if not self._there[n]):
+        if any(row[n] not in NULL_TEXTS and not is_cell(row[n]) for n in range(self._numeric[0]) if not self._there[n]):
             return False  # a line of keys above rows whose first column is empty
         fields = [row[n] for n in self._numeric]
         return any(map(is_cell, fields)) and all(is_cell(field) or field in NULL_TEXTS for field in fields)
@@ -149,28 +168,38 @@ class _DelimitedTable:
     def _first_row(self) -> int | None:
         there = [n for n, row in enumerate(self._rows) if row and n >= self._skip]
         good = [self._is_row(self._rows[n]) for n in there]
-        for at, n in enumerate(there):
-            if all(good[at : at + MIN_TABLE_ROWS]):
-                return n
-        return None
+        starts = [at for at in range(len(there)) if all(good[at : at + MIN_TABLE_ROWS]) and not (at and good[at - 1])]
+        if not starts:
+            return None
+        first, *others = starts
+        for at in others:  # a small table may stand above, with a header of its own
+            few = [*good, False].index(False, first) - first < MIN_TABLE_SHARE * ([*good, False].index(False, at) - at)
+            is_header = not self._has_value(there[at - 1]) and self._rows[there[at - 1]] != self._rows[there[first - 1]]
+            first = at if few and is_header else first
+        below = there[min(first + 1, len(there) - 1)]
+        if not _are_scales(self._rows[there[first]], self._rows[below]):
+            return there[first]
+        self._scales, self._scale_line = self._rows[there[first]], there[first]
+        return below
 
     def describe(self, header: bool) -> SniffedLayout:
         start = self.start or 0
         if self._keys:
             return SniffedLayout(False, start, self.delimiter, self._keys, (), self._thousands())
-        above = [n for n in range(self._skip, start) if self._lines[n].strip() and not _is_comment(self._lines[n])]
-        names, units, at = (self._paired(above) or self._header(above)) if header else ((), (), None)
-        direct = at is not None and len([n for n in above if n > at]) == bool(
-            units
-        )  # else names that reading passes over
+        above = [n for n in range(self._skip, start) if not _is_skipped(self._lines[n]) and n != self._scale_line]
+        paired = self._paired(above) if header else None
+        names, units, at = paired or (self._header(above) if header else ((), (), None))
+        further = [n for n in above if at is not None and n > at]  # lines that reading does not pass over
+        direct = at is not None and not self._scales and len(further) == bool(units)
         skip = at if direct and at is not None else start if above or self._skip else 0
         skip = 0 if direct and not [n for n in above if n < skip] else skip
         names = names or self._names_in_comment(start)
-        titles, own = self._channel_table(above, names)
-        titles = titles or self._other_lines(above, names)
+        titles, own = ((), ()) if paired else self._channel_table(above, names)
+        titles = titles or (() if paired else self._other_lines(above, names))
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
         units = units or own or next((row for row in wide if _are_units(row)), ())
-        scales = self._keyed(above, _SCALES) or ("",) * len(units)
+        scales = self._keyed(above, _SCALES) or self._scales or ("",) * len(units)
+        units = units or tuple(unit_in_brackets(name) for name in names) * bool(self._scales)
         units = tuple(BRACKETS.sub(r"\1", text) for text in units)
         scaled = zip(scales, units, strict=False)
         units = tuple(f"{own} {unit}" if unit and own not in _NO_SCALES else unit for own, unit in scaled)
@@ -273,7 +302,8 @@ class _DelimitedTable:
             spread = list[str]()
             for text in groups:
                 spread.append(text or spread[-1] if spread else text)
-            own = [f"{text} {name}".strip() for text, name in zip(spread, below, strict=True)]
+            named = zip(spread, below, strict=True)
+            own = [text if name.lower() in _VALUES and text else f"{text} {name}".strip() for text, name in named]
         return tuple(own) if tuple(own) != names else ()
 
     def _names_in_columns(self, line: str) -> tuple[str, ...]:
@@ -301,6 +331,7 @@ class _DelimitedTable:
         }
 
 
+_VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
@@ -308,6 +339,7 @@ _TITLES = re.compile(
 )
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")
 _NO_SCALES = ("", "1", "1.0")
+_POWER_OF_TEN = re.compile(r"10*(?:\.0*)?|0\.0*1|1(?:\.0*)?[eE][+-]?\d+")
 _UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?(?:[ _]labels?)?|einheit(?:en)?|eu|eng\.? units?")
 
 
@@ -335,6 +367,18 @@ def _are_units(fields: Sequence[str]) -> bool:
         >= 0.6 * sum(field not in NULL_TEXTS for field in fields)
         > 0
     )
+
+
+def _are_scales(row: Sequence[str], below: Sequence[str]) -> bool:
+    """Return whether the first row of a table are factors of its columns: powers of ten, and no stamp before the next.
+
+    >>> _are_scales(["1", "0.001"], ["0.00", "7013"]), _are_scales(["0.001", "10"], ["0.002", "10"])
+    (True, False)
+    """
+    fields = [field for field in row if field not in NULL_TEXTS]
+    if len(fields) < 2 or not all(map(_POWER_OF_TEN.fullmatch, fields)) or not set(fields) - {*_NO_SCALES}:
+        return False
+    return not number_in(row[0]) <= number_in(below[0].replace(",", "."))
 
 
 def _is_skipped(line: str) -> bool:

@@ -6,6 +6,7 @@ import bz2
 import datetime
 import gzip
 import json
+import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -331,8 +332,26 @@ _PARTS = {
 }
 
 
-def write_workbook(path: Path, rows: list[list[float | str]], clock: str = "General") -> None:
-    """Write one sheet as Excel has it: a zip of a few files of XML; ``clock`` is the format of the first column."""
+def write_workbook(path: Path, *sheets: list[list[float | str]], clock: str = "General") -> None:
+    """Write sheets as Excel has them: a zip of a few files of XML; ``clock`` is the format of the first column."""
+    styles = (
+        '<?xml version="1.0"?><styleSheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><numFmts>'
+        f'<numFmt numFmtId="164" formatCode="{clock}"/></numFmts><cellXfs><xf numFmtId="0"/><xf numFmtId="164"/>'
+        "</cellXfs></styleSheet>"
+    )
+    parts = {**_PARTS, "xl/styles.xml": styles}
+    for name, line in (("xl/workbook.xml", "sheet "), ("xl/_rels/workbook.xml.rels", "Relationship ")):
+        one = re.search(f"<{line}[^>]*/>", parts[name])[0]  # type: ignore[index]
+        each = (re.sub(r"1(?=\"|\.xml)|(?<=log)", str(n + 1), one) for n in range(len(sheets)))
+        parts[name] = parts[name].replace(one, "".join(each))
+    for n, rows in enumerate(sheets, 1):
+        parts[f"xl/worksheets/sheet{n}.xml"] = _sheet_xml(rows)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text)
+
+
+def _sheet_xml(rows: list[list[float | str]]) -> str:
     cells = []
     for row in rows:
         inside = "".join(
@@ -341,15 +360,7 @@ def write_workbook(path: Path, rows: list[list[float | str]], clock: str = "Gene
             for value in row
         )  # fmt: skip
         cells.append("<row>" + inside.replace("<c><v>", '<c s="1"><v>', 1) + "</row>")
-    styles = (
-        '<?xml version="1.0"?><styleSheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><numFmts>'
-        f'<numFmt numFmtId="164" formatCode="{clock}"/></numFmts><cellXfs><xf numFmtId="0"/><xf numFmtId="164"/>'
-        "</cellXfs></styleSheet>"
-    )
-    sheet_xml = (
+    return (
         '<?xml version="1.0"?><worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
         f"{''.join(cells)}</sheetData></worksheet>"
     )
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in {**_PARTS, "xl/styles.xml": styles, "xl/worksheets/sheet1.xml": sheet_xml}.items():
-            archive.writestr(name, text)

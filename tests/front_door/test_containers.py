@@ -286,7 +286,7 @@ def test_a_clock_in_excel_goes_on_after_24_hours(tmp_path: Path, clock: str) -> 
     """Durations have a unit, and hours beyond 24 are no dates of 1900 (findings/excel-stamps.sh)."""
     hours = [22.5, 23.5, 24.0, 25.5, 49.25]
     rows = [[hour / 24, 6.0 + hour] for hour in hours]
-    write_workbook(tmp_path / "a.xlsx", [["t", "p1"], *rows], clock)
+    write_workbook(tmp_path / "a.xlsx", [["t", "p1"], *rows], clock=clock)
     reader = open_raw(RawFile(tmp_path / "a.xlsx", {}))
     (values,) = zip(*reader.batches([ColumnRequest(0)]), strict=True)
     np.testing.assert_allclose(np.concatenate(values), [3600 * (hour - hours[0]) for hour in hours], atol=1e-3)
@@ -319,6 +319,26 @@ def test_a_clock_in_ods_goes_on_after_24_hours(tmp_path: Path) -> None:
         )
     (values,) = zip(*open_raw(RawFile(tmp_path / "a.ods", {})).batches([ColumnRequest(0)]), strict=True)
     np.testing.assert_allclose(np.concatenate(values), [0, 1.5, 2, 90_902.25], atol=1e-6)
+
+
+def test_sheets_with_one_header_are_recordings(tmp_path: Path) -> None:
+    head = ["t [s]", "u [V]", "p1 [bar(a)]"]
+    runs = [[head, *([float(T[n]), float(U[n]), float(P[n] + k)] for n in range(COUNT - 9 * k))] for k in range(2)]
+    write_workbook(tmp_path / "runs.xlsx", [["Operator", "Lab"], ["Year", 2026.0]], *runs)
+    init.create(tmp_path / "rig", [tmp_path / "runs.xlsx"])
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert [line for line in text.splitlines() if line.startswith("part")] == ["part = 1", "part = 2"]
+    for part in (1, 2):
+        (t, p1), *_ = open_raw(RawFile(tmp_path / "runs.xlsx", {}, part=part)).batches([*map(ColumnRequest, (0, 2))])
+        np.testing.assert_allclose(p1, P[: t.size] + (part - 1), atol=1e-9)
+
+
+def test_sheets_of_other_channels_are_columns_on_their_own_clocks(tmp_path: Path) -> None:
+    fast = [["t [s]", "p1 [bar(a)]"], *([float(T[n]), float(P[n])] for n in range(COUNT))]
+    slow = [["t [s]", "u [V]", "x [mm]"], *([float(T[n]), float(U[n]), float(X[n])] for n in range(0, COUNT, 4))]
+    write_workbook(tmp_path / "run.xlsx", slow, fast, [["Name", "Value"], ["C", 3.2]])
+    outcome = judge(tmp_path / "run.xlsx", tmp_path / "work", 0.0)
+    assert set(outcome.verdicts.values()) == {"right"}, f"{outcome.verdicts}\n{outcome.why}"
 
 
 def archive_of_two(folder: Path) -> Path:

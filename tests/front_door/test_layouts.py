@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from benchmarks.door import WAYS, WRONG, plain, verdict
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, paired_clocks, repeated_clocks
-from pneucli.init.column_names import read_name, signal_scores
+from pneucli.init.column_names import read_names, signal_scores
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Column
 from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
@@ -196,10 +196,24 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
     assert runs_below_one_another([cycles, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
     state = Column("valve open", "valve open", "", np.repeat([0.0, 1.0], 100))
     assert runs_below_one_another([state, Column("t", "t", "s", t), Column("p", "p", "", np.sin(t))], {}, text) == []
-    names = ("t", "u", "p1 run1 [bar]", "p1 run2 [bar]")
-    beside = runs_beside_one_another([Column(name, name, "", t) for name in names])
-    assert [[one.key for one in columns] for _, columns in beside] == [[*names[:3]], ["t", "u", names[3]]]
-    assert runs_beside_one_another([Column(name, name, "", t) for name in ("t", "p1", "p2", "run 1")]) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "runs"),
+    [
+        ("t,u,p1 run1 [bar],p1 run2 [bar]", ["t,u,p1 run1 [bar]", "t,u,p1 run2 [bar]"]),
+        ("Run 1/Time,Run 1/P1,Run 2/Time,Run 2/P1", ["Run 1/Time,Run 1/P1", "Run 2/Time,Run 2/P1"]),
+        ("runs/1/t,runs/1/p1,runs/2/t,runs/2/p1", ["runs/1/t,runs/1/p1", "runs/2/t,runs/2/p1"]),
+        ("data/1/t,data/1/u,data/1/p1,data/2/t,data/2/u,data/2/p1", ["data/1/t,data/1/u,data/1/p1"] * 2),
+        ("t,p1,p2,run 1", []),
+        ("Messung 1/Zeit,Messung 1/P1,Messung 2/Zeit,Messung 2/Weg", []),  # two devices
+        ("signals/1/time,signals/1/values,signals/2/time,signals/2/values", []),  # a channel each
+    ],
+)
+def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, runs: list[str]) -> None:
+    columns = [Column(name, name, "", np.arange(9.0)) for name in names.split(",")]
+    found = [",".join(str(one.key) for one in own) for _, own in runs_beside_one_another(columns)]
+    assert found == [runs[0], runs[1].replace("data/1", "data/2")] if runs else not found
 
 
 # ---- roles
@@ -231,13 +245,28 @@ def test_runs_are_told_by_a_number_or_by_names_and_not_by_other_columns() -> Non
         ("Piston speed mm/s", "v"),
         ("Pressure A", "p1"),
         ("Pressure B bar", "p2"),
+        ("PLC_PRG.rPchamber", "p1"),
+        ("Psup [bar]", "p_supply"),
+        ("Setpoint value spool [V]", "u"),
+        ("szelepfeszültség [V]", "u"),
+        ("밸브 전압(V)", "u"),
+        ("Valve 0-10V", "u"),
+        ("Pressure (0-10 bar abs)", "p1"),
+        ("Steuerspannung in V", "u"),
+        ("ロッド側圧力[MPa]", "p2"),
+        ("pos_10um", "x"),
+        ("pressures/data/1", "p1"),
+        ("joint_states/position/piston", "x"),
+        ("u/y", "u"),
+        ("p1/y_values/values", "p1"),
+        ("tool/y", "x"),
     ],
 )
 def test_a_name_says_its_role(name: str, signal: str) -> None:
     ((_, (column, *_)), *_) = runs_beside_one_another(
         [Column(one, one, "", np.zeros(2)) for one in (name, name.replace("run2", "run1"))]
     ) or [("", [Column(name, name, "", np.zeros(2))])]
-    scores = dict(signal_scores(read_name(column, True)))
+    scores = dict(signal_scores(read_names([column], True)[0]))
     assert max(scores, key=lambda one: scores[one], default="") == signal
 
 
@@ -283,13 +312,16 @@ def test_a_unit_that_cannot_be_is_asked_for(tmp_path: Path, unit: str, scale: fl
     ("unit", "said"),
     [
         ("nl/min", "taken at 0 °C and 1.01325 bar (DIN 1343)"),
+        ("l/min] (ANR", "taken at 20 °C, 1 bar and 65 % humidity"),
         ("l/min", "CHECK no reference state is stated: taken at 20 °C, 1 bar"),
         ("SLPM", "CHECK taken at 0 °C and 1.01325 bar (SEMI E12); others mean"),
     ],
 )
 def test_the_reference_state_of_a_flow_is_said(tmp_path: Path, unit: str, said: str) -> None:
     rows = "".join(f"7.0,{1 + n / 10:.1f},{100 + n}\n" for n in range(40))
-    path = written(tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}]\n{rows}")
+    path = written(
+        tmp_path, f"p_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}{']' * ('(' not in unit) or ')'}\n{rows}"
+    )
     answer = init.create(tmp_path / "rig", [path])
     assert said in next(one.why for one in answer.columns if one.signal == "flow")
 
@@ -332,6 +364,46 @@ def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> Non
     pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
     reference, why = pressure_reference([pascals * 1e-5], "bar", "")
     assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
+
+
+@pytest.mark.parametrize("states", ["FALSE,TRUE", "off,on"])
+def test_a_switched_command_in_words_is_read(tmp_path: Path, states: str) -> None:
+    words = states.split(",")
+    rows = "".join(f"{n / 100},{words[n // 50 % 2]},{3 + np.sin(n / 30):.4f}\n" for n in range(400))
+    path = written(tmp_path, f"t [s],bValveOpen,p1 [bar]\n{rows}")
+    assert guessed(path)["u"] == "bValveOpen"
+    np.testing.assert_array_equal(read(path)[0], np.arange(400) // 50 % 2)
+
+
+def test_a_small_table_above_is_none_of_the_rows_and_a_first_row_of_status_stays(tmp_path: Path) -> None:
+    rows = [f"{n / 100:.2f},{n // 50 % 3},{3 + np.sin(n / 30):.4f}" for n in range(400)]
+    above = "Point,Reference,Reading\n1,0,0.1\n2,5,5.1\n3,9,9.1\n"
+    text = "\n".join(["t [s],u [V],p1 [bar]", *rows]) + "\n"
+    assert guessed(written(tmp_path, f"{above}\n{text}"))["p1"] == "p1 [bar]"
+    status = "\n".join(["t [s],u [V],p1 [bar]", *rows[:4], "0.04,STATUS,ok", *rows[4:]]) + "\n"
+    init.create(tmp_path / "status", [written(tmp_path, status, "b.csv")])
+    assert "# 100 Hz, up to 3.99 s" in (tmp_path / "status" / "pipeline.toml").read_text(encoding="utf-8")
+    values, _ = read(tmp_path / "b.csv", 0)
+    assert values[0] == 0.0
+
+
+def test_a_comma_that_cuts_columns_and_numbers_is_refused_in_one_line(tmp_path: Path) -> None:
+    rows = "".join(f"{n // 100},{n % 100:02d},{n // 50 % 3},0,3,{500 + n}\n" for n in range(200))
+    with pytest.raises(InputError, match="the comma cuts columns and stands in numbers"):
+        init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],p1 [bar]\n{rows}")])
+
+
+@pytest.mark.parametrize("dead", [slice(900, 960), slice(1500, None)])
+def test_a_channel_that_was_dead_for_a_while_tells_no_reference(dead: slice) -> None:
+    pascals = 1.01e5 + 3e5 * (1 - np.cos(np.arange(2000) / 60)) + 300 * RNG.standard_normal(2000)
+    pascals[dead] = 0.0
+    assert pressure_reference([pascals * 1e-5], "bar", "")[0] == "absolute"
+
+
+def test_what_counts_rows_and_a_clock_that_stands_again_are_no_signals(tmp_path: Path) -> None:
+    rows = "".join(f"{n},{n / 100},{n // 50 % 3},{n / 100},{2 + np.sin(n / 30):.4f}\n" for n in range(400))
+    found = guessed(written(tmp_path, f"Index @ 100 Hz,X_Value,u [V],X_Value,p1 [bar]\n{rows}"))
+    assert found == {"time": "X_Value", "u": "u [V]", "p1": "p1 [bar]"}
 
 
 def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_absolute() -> None:
@@ -434,8 +506,12 @@ AXIS = {"t [s]": "t", "u [V]": "u", "x [mm]": "x"}
             {"x": "PV [mm]", "x_ref": "SP [mm]"},
         ),
         (AXIS | {"encoder [counts]": "x", "p1 [bar]": "a"}, {"x": "x [mm]"}),
+        (
+            {"t": "t", "A1.u [V]": "u", "A1.p1": "a", "A1.x": "x", "A2.u [V]": "u", "A2.p1": "b", "A2.x": "x"},
+            {"u": "A1.u [V]", "p1": "A1.p1", "x": "A1.x"},
+        ),
     ],
-    ids=["ports", "up and down", "chambers", "ambient", "filtered", "loop", "counts"],
+    ids=["ports", "up and down", "chambers", "ambient", "filtered", "loop", "counts", "axes"],
 )
 def test_all_columns_together_tell_a_role(columns: dict[str, str], wanted: dict[str, str], tmp_path: Path) -> None:
     t = 0.01 * np.arange(500)
@@ -447,18 +523,30 @@ def test_all_columns_together_tell_a_role(columns: dict[str, str], wanted: dict[
     )
     found = guessed(written(tmp_path, f"{','.join(columns)}\n{rows}\n"))
     assert wanted.items() <= found.items()
+    assert not [name for name in found.values() if name.startswith("A2.")]  # of another axis
 
 
-def test_a_supply_in_another_unit_has_the_reference_of_the_chamber_that_it_bounds(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("unit", "off", "said"),
+    [
+        ("MPa", 0.0, "absolute: so p1 comes up to it"),
+        ("bar", 1.013, "p1 rises to 1 bar above p_supply"),
+        ("bar", 0, ""),
+    ],
+)
+def test_a_supply_bounds_the_chamber_that_it_fills(tmp_path: Path, unit: str, off: float, said: str) -> None:
     t = 0.01 * np.arange(500)
     p1 = 7.0 - 5.98 * np.exp(-np.maximum(t - 1, 0))
     rows = "\n".join(
-        f"{a:.2f},{b:g},{0.7 + 1e-5 * (n % 3):.5f},{c:.4f}"
+        f"{a:.2f},{b:g},{(7 - off + 1e-4 * (n % 3)) / (10 if unit == 'MPa' else 1):.5f},{c:.4f}"
         for n, (a, b, c) in enumerate(zip(t, t > 1, p1, strict=True))
     )
-    answer = init.create(tmp_path / "rig", [written(tmp_path, f"t [s],u [V],Supply pressure [MPa],p1 [bar]\n{rows}\n")])
+    answer = init.create(
+        tmp_path / "rig", [written(tmp_path, f"t [s],u [V],Supply pressure [{unit}],p1 [bar]\n{rows}\n")]
+    )
     (supply,) = [one for one in answer.columns if one.signal == "p_supply"]
-    assert "absolute: so p1 comes up to it" in supply.why
+    assert said in supply.why
+    assert ("rises" in said) == ("rises" in supply.why)
 
 
 def test_the_only_pressure_at_a_piston_is_doubted_where_it_is_called_the_second(tmp_path: Path) -> None:
@@ -499,15 +587,27 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
         init.create(tmp_path / "rig", [written(tmp_path, "\n".join(rows) + "\n")])
 
 
-@pytest.mark.parametrize("form", ["influx", "grafana"])
-def test_tables_within_json_are_found(form: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("form", "clock"), [("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")]
+)
+def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
     t, u, p = 1000.0 * np.arange(50), np.sign(np.sin(np.arange(50))), 2 + np.sin(0.1 * np.arange(50))
-    series = {"columns": ["time", "valve_V", "p1_bar"], "values": np.column_stack([t, u, p]).tolist()}
-    names = {"valve_V": u, "p1_bar": p}
-    targets = [{"target": name, "datapoints": np.column_stack([v, t]).tolist()} for name, v in names.items()]
-    whole = {"results": [{"statement_id": 0, "series": [series]}]} if form == "influx" else targets
-    found = guessed(written(tmp_path, json.dumps(whole), "a.json"))
-    assert {found["u"], found["p1"]} == {"valve_V", "p1_bar"}
+    names = {"valve_V": u.tolist(), "p1_bar": p.tolist()}
+    forms: dict[str, Any] = {
+        "influx": {"results": [{"statement_id": 0, "series": [
+            {"columns": ["time", *names], "values": np.column_stack([t, u, p]).tolist()}]}]},
+        "grafana": [{"target": name, "datapoints": np.column_stack([v, t]).tolist()} for name, v in names.items()],
+        "listed": {"rate": 1.0, "channels": [{"id": 3, "name": name, "values": v} for name, v in names.items()]},
+        "by name": {
+            "time": {"unit": "ms", "data": t.tolist()},
+            "signals": {name.split("_")[0]: {"unit": name.split("_")[1], "data": v} for name, v in names.items()},
+        },
+    }  # fmt: skip
+    found = guessed(written(tmp_path, json.dumps(forms[form]), "a.json"))
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert f'time = {{ column = "{clock}"' in text if clock else 'time = { expression = "row / 1"' in text
+    columns = {"signals/valve [V]", "signals/p1 [bar]"} if form == "by name" else set(names)
+    assert {found["u"], found["p1"]} == columns
 
 
 def test_counts_behind_a_time_are_no_milliseconds(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Metadata without which a number means something else: units of stamps, packing, marks of nothing, kinds of clocks."""
 
 import json
+import re
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from pneucli.errors import InputError
 from pneucli.io.clock import difference_of_starts
 from pneucli.io.formats import open_raw
 from pneucli.io.raw_file import ColumnRequest, RawFile, Reader
+from pneucli.stages import init
 
 TICKS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
@@ -45,6 +47,37 @@ def test_parts_of_a_recording_that_were_not_copied_are_missing(tmp_path: Path, a
     found = column(opened(tmp_path / "all.h5"), "p").reshape(3, 3)
     for part, values in enumerate(found):
         np.testing.assert_array_equal(values, np.nan if part in absent else part + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("at", "key", "value"), [("run", "sampling_rate", 100), ("run/p", "dt", 0.01), ("/", "fs", 100)]
+)
+def test_a_rate_that_an_attribute_says_is_the_clock(tmp_path: Path, at: str, key: str, value: float) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["run/p"], file["run/u"] = 3 + np.sin(np.arange(200) / 20), np.arange(200) // 50 % 2
+        file[at].attrs[key] = 0.01 if key == "dt" else 100
+    init.create(tmp_path / "rig", [tmp_path / "a.h5"])
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    expression = "row * 0.01" if key == "dt" else "row / 100"
+    assert re.search(f'time = {{ expression = "{re.escape(expression)}" }} .*{key}', text)
+
+
+@pytest.mark.parametrize("kind", ["chunks", "matrix in chunks", "contiguous", "external"])
+def test_what_nobody_wrote_of_a_dataset_is_missing(tmp_path: Path, kind: str) -> None:
+    """A recorder that stopped, and raw data that were cut: HDF5 reads them as 0, whatever folder one works in."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        if kind == "external":
+            (tmp_path / "p.raw").write_bytes(np.arange(1.0, 5.0).tobytes() + b"cut")
+            file.create_dataset("p", (9,), dtype="f8", external=[("p.raw", 0, 72)])
+        elif kind == "contiguous":
+            file.create_dataset("p", (9,), dtype="i2")
+        elif kind == "chunks":
+            file.create_dataset("p", (9,), dtype="i2", chunks=(4,))[:4] = np.arange(1, 5)
+        else:
+            file.create_dataset("p", (9, 2), dtype="f4", chunks=(4, 1))[:4, 1] = np.arange(1, 5)
+    found = column(opened(tmp_path / "a.h5"), "p/2" if kind == "matrix in chunks" else "p")
+    wanted = [np.nan] * 9 if kind == "contiguous" else [1, 2, 3, 4, *[np.nan] * 5]
+    np.testing.assert_array_equal(found, wanted)
 
 
 @pytest.mark.parametrize("kind", ["datetime64[{}]", "datetime64[{}, UTC]", "timedelta64[{}]"])

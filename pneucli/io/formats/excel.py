@@ -1,4 +1,4 @@
-"""Excel: the sheet of a workbook that holds most rows, as a text with tabs."""
+"""Excel: the sheet of a workbook that holds most rows, and those that go on with it, as a text with tabs."""
 
 from __future__ import annotations
 
@@ -29,19 +29,36 @@ def _write_sheet(path: Path, folder: Path) -> Path:
     calamine = library_of_extra("python_calamine", "excel", path, "this is an Excel file, and python-calamine")
     workbook = calamine.CalamineWorkbook.from_path(str(path))
     sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
-    rows: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
-    if not _numeric_rows(rows):
+    longest: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
+    if not _numeric_rows(longest):
         raise InputError(
             str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again", code="E041"
         )
+    rows = _together(sheets, longest)
     with target.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, delimiter="\t", lineterminator="\n")
         writer.writerows([_cell(value) for value in row] for row in rows)
     return target
 
 
+def _together(sheets: Sequence[list[list[Any]]], longest: list[list[Any]]) -> list[list[Any]]:
+    """Return the longest sheet with those of its header below it, or with those of other channels beside it."""
+    header = _header(longest)
+    if len(alike := [sheet for sheet in sheets if any(header) and _header(sheet) == header]) > 1:
+        return [row for sheet in alike for row in sheet]
+    others = [sheet for sheet in sheets if any(header[:1]) and set(_header(sheet)) & set(header) == {header[0]}]
+    beside = [longest, *(sheet for sheet in others if sheet.index(_header(sheet)) == longest.index(header))]
+    padded = [sheet + [[""] * len(sheet[0])] * (max(map(len, beside)) - len(sheet)) for sheet in beside]
+    return [[cell for row in rows for cell in row] for rows in zip(*padded, strict=True)]
+
+
 def _numeric_rows(rows: Sequence[Sequence[Any]]) -> int:
     return sum(any(isinstance(value, int | float | datetime) for value in row) for row in rows)
+
+
+def _header(rows: Sequence[list[Any]]) -> list[Any]:
+    """Return the row of most texts."""
+    return max((row for row in rows if not _numeric_rows([row])), key=lambda row: sum(map(bool, row)), default=[])
 
 
 def _cell(value: Any) -> str:
@@ -68,6 +85,6 @@ EXCEL = Format(
     magic=(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",),
     recognises=_is_workbook,
     unpack=_write_sheet,
-    column="a column of the sheet with most rows",
+    column="a column of the sheet with most rows; sheets with its header are runs, with its clock further channels",
     extra="excel",
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickletools
 import re
 from collections.abc import Iterator, Sequence
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +14,15 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
-from pneucli.io.column_reader import ColumnReader, as_text, clocks_by_group, column_names, split_columns
+from pneucli.io.column_reader import (
+    PERIOD_NAMES,
+    RATE_NAMES,
+    ColumnReader,
+    as_text,
+    clocks_by_group,
+    column_names,
+    split_columns,
+)
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.matlab import LABELS, NUMBERS, SAVE_AS_STRUCT
@@ -30,6 +40,8 @@ _STAMPS = re.compile(r"(datetime|timedelta)(?:64)?(?:\[(s|ms|us|ns)[,\]].*)?")
 class Place(NamedTuple):
     """Where a column stands: a dataset, the field of a table, and the column of a matrix; None where there is none.
 
+    Or which ``attribute`` it is, of one value.
+
     ``stamps``: the type of NumPy whose integers they are, such as ``datetime64[us]``; None where they are numbers.
     """
 
@@ -37,6 +49,7 @@ class Place(NamedTuple):
     field: str | None = None
     column: int | None = None
     stamps: str | None = None
+    attribute: str | None = None
 
 
 def frame_columns(group: Any, path: str) -> dict[str, Place]:
@@ -176,6 +189,7 @@ def open_hdf5(path: Path) -> ColumnReader:
                 found = frame_columns(node, name) or struct_array_columns(file, node, name)
                 owner |= found
                 sizes |= {column: max(file[place.dataset].shape) for column, place in found.items()}
+            owner |= _rates(name, node)
     if objects and not owner:
         found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
         raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
@@ -185,13 +199,20 @@ def open_hdf5(path: Path) -> ColumnReader:
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         with h5py.File(path, "r") as file:
-            datasets = {owner[name].dataset for name in wanted}
+            datasets = {owner[name].dataset for name in wanted if owner[name].attribute is None}
             check_expanded_size(path, sum(file[name].size * file[name].dtype.itemsize for name in datasets))
             return [_read(file, owner[name]) for name in wanted]
 
     names = list(owner)
     units |= {name: "s" for name, place in owner.items() if place.stamps}
     return ColumnReader(path, HDF5.name, names, fetch, units, own_clocks=clocks_by_group(names, sizes))
+
+
+def _rates(path: str, node: Any) -> dict[str, Place]:
+    """Return the attributes of a group or dataset that say a rate, or the time between samples."""
+    said = [key for key in node.attrs if RATE_NAMES.match(key) or PERIOD_NAMES.match(key)]
+    numbers = [key for key in said if np.size(node.attrs[key]) == 1 and np.asarray(node.attrs[key]).dtype.kind in "iuf"]
+    return {f"{path}/{key}".lstrip("/"): Place(path or "/", attribute=key) for key in numbers}
 
 
 def _kind(dataset: Any) -> str:
@@ -215,8 +236,15 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
 
 
 def _read(file: Any, place: Place) -> ColumnValues:
-    dataset = file[place.dataset]
-    array = _without_absent_parts(dataset, dataset[()] if place.field is None else dataset[place.field])
+    if place.attribute is not None:
+        return np.ravel(file[place.dataset].attrs[place.attribute])
+    dataset = _beside(file, place.dataset)
+    absent = [*_absent_parts(dataset)]
+    array = dataset[()] if place.field is None else dataset[place.field]
+    if absent:
+        array = np.asarray(array, dtype=np.float64)
+        for part in absent:
+            (array if isinstance(part, tuple) else array.reshape(-1))[part] = np.nan
     if place.column is not None:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
     if place.stamps is not None:
@@ -224,18 +252,40 @@ def _read(file: Any, place: Place) -> ColumnValues:
     return np.ravel(unpacked(dataset, array))
 
 
-def _without_absent_parts(dataset: Any, array: Any) -> Any:
-    """Return the values of a dataset that joins parts of other files, NaN where such a file is not there.
+def _beside(file: Any, name: str) -> Any:
+    """Return a dataset; one that other files hold has them beside its own, wherever the program runs."""
+    from h5py import Dataset, h5d, h5p  # noqa: PLC0415 - an extra
 
-    HDF5 reads its fill value there, 0 where nobody states one. A name with % stands for a row of files.
+    access = h5p.create(h5p.DATASET_ACCESS)
+    access.set_efile_prefix(b"${ORIGIN}")
+    return Dataset(h5d.open(file.id, name.encode(), access))
+
+
+def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
+    """Yield the parts of a dataset, or of it as flat, that nobody wrote, or whose files are gone or cut.
+
+    HDF5 reads its fill value there, 0 where none is stated. A name with % stands for a row of files.
     """
-    folder = Path(dataset.file.filename).parent
-    for part in dataset.virtual_sources() if dataset.is_virtual else ():
-        if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
-            first, last = part.vspace.get_select_bounds()
-            array = np.asarray(array, dtype=np.float64)
-            array[tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))] = np.nan
-    return array
+    folder, size = Path(dataset.file.filename).parent, dataset.dtype.itemsize
+    if dataset.is_virtual:
+        for part in dataset.virtual_sources():
+            if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
+                first, last = part.vspace.get_select_bounds()
+                yield tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))
+    elif dataset.external:
+        begin = 0
+        for name, offset, length in dataset.external:
+            there = max((folder / name).stat().st_size - offset, 0)
+            yield slice((begin + there) // size, -(-(begin + length) // size))
+            begin += length
+    elif dataset.chunks is not None:
+        firsts = [range(0, side, step) for side, step in zip(dataset.shape, dataset.chunks, strict=True)]
+        if (count := dataset.id.get_num_chunks()) < prod(map(len, firsts)):
+            written = {dataset.id.get_chunk_info(n).chunk_offset for n in range(count)}
+            for first in (one for one in product(*firsts) if one not in written):
+                yield tuple(slice(a, a + step) for a, step in zip(first, dataset.chunks, strict=True))
+    elif dataset.size and not dataset.id.get_storage_size():
+        yield slice(None)
 
 
 def _unit(dataset: Any) -> str:
@@ -247,7 +297,7 @@ def _unit(dataset: Any) -> str:
 
 
 def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield path and node of every dataset, and of the groups that hold a frame, an array of structs or an object.
+    """Yield path and node of each dataset, and of groups that hold a frame, an array of structs, an object or a rate.
 
     In order; each group once, as groups may hold one another, and nothing of other files.
     """
@@ -267,7 +317,7 @@ def _nodes(h5py: Any, file: Any) -> Iterator[tuple[str, Any]]:
             yield prefix, node
             continue
         inner = [key for key in node if not key.startswith("#") and _is_own(h5py, node, key)]
-        if any(isinstance(node[key], h5py.Dataset) and _kind(node[key]) == "O" for key in inner):
+        if _rates("", node) or any(isinstance(node[key], h5py.Dataset) and _kind(node[key]) == "O" for key in inner):
             yield prefix, node
         waiting += [(f"{prefix}/{key}".lstrip("/"), node[key]) for key in reversed(inner)]
 
@@ -285,8 +335,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts of "
-    "a virtual dataset without their file are missing; `milliseconds since ...` is a unit and a start; the unit of "
-    "stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts "
+    "that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since ...` is a unit and a start; the "
+    "unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )

@@ -15,6 +15,7 @@ from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues, Repair
 
+_SAMPLES, _STAMPS = ("values", "data", "samples", "y"), ("x", "time", "t", "timestamps")  # keys of a channel
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
 
@@ -42,9 +43,10 @@ def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     elif tables:
         rows = [{"channel": name, **dict(zip(names, row, strict=True))} for name, names, own in tables for row in own]
     else:
-        rows = whole if isinstance(whole, list) else _rows(whole)
+        rows = whole if isinstance(whole, list) and not all(map(_channel, whole)) else _rows(whole)
     if isinstance(rows, Mapping):
-        return {name: _vector(values) for name, values in rows.items() if _is_column(values)}
+        named = ((name, [own] if isinstance(own, int | float) else own) for name, own in rows.items())
+        return {name: _vector(values) for name, values in named if _is_column(values)}
     flat = [dict(_leaves(row, "")) for row in rows if isinstance(row, Mapping)]
     names = dict.fromkeys(name for row in flat for name in row)
     read = {name: [row.get(name) for row in flat] for name in names}
@@ -57,12 +59,12 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
         for one in node:
             yield from _tables(one) if isinstance(one, Mapping) else ()
     elif isinstance(node, Mapping):
-        names, rows = node.get("columns"), node.get("data", node.get("values"))
+        names, rows = node.get("columns", node.get("header")), node.get("data", node.get("values", node.get("rows")))
         name, unit = str(node.get("target", node.get("name")) or ""), node.get("unit", node.get("units"))
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
-        elif name and isinstance(node.get("x"), list) and isinstance(node.get("y"), list):
-            names, rows = ["time", "value"], [list(pair) for pair in zip(node["x"], node["y"], strict=False)]
+        elif name and (samples := _samples(node)) and (stamps := _samples(node, _STAMPS)):
+            names, rows = ["time", "value"], [list(pair) for pair in zip(stamps, samples, strict=False)]
         elif names is None and name:
             names = ["time", "value"]  # a series of pairs
         if isinstance(names, list) and isinstance(rows, list) and rows:
@@ -92,19 +94,36 @@ def _lines(path: Path, text: str, repairs: list[Repair]) -> list[Any]:
     return rows
 
 
-def _rows(whole: Mapping[str, Any]) -> Any:
+def _samples(node: Any, keys: Sequence[str] = _SAMPLES) -> list[Any]:
+    """Return the list that an object holds under one of the keys, such as ``{"name": "p1", "values": [1.0, 1.1]}``."""
+    own = (node[key] for key in keys if _is_column(node.get(key))) if isinstance(node, Mapping) else ()
+    return next(iter(own), [])
+
+
+def _channel(node: Any) -> list[Any]:
+    """Return the samples of an object that holds one channel, and no other list."""
+    single = isinstance(node, Mapping) and sum(isinstance(own, list) for own in node.values()) == 1
+    return _samples(node) if single else []
+
+
+def _rows(whole: Any) -> Any:
     """Return lists by name, or the list of objects that an object holds under its only such name."""
-    inside = [value for value in whole.values() if isinstance(value, list) and value and isinstance(value[0], Mapping)]
-    return inside[0] if len(inside) == 1 else dict(_leaves(whole, ""))
+    listed = whole.values() if isinstance(whole, Mapping) else [whole]
+    inside = [own for own in listed if isinstance(own, list) and own and isinstance(own[0], Mapping)]
+    return inside[0] if len(inside) == 1 and not _channel(inside[0][0]) else dict(_leaves({"": whole}, ""))
 
 
-def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+def _leaves(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for key, value in node.items():
-        name = f"{prefix}/{key}" if prefix else str(key)
-        if isinstance(value, Mapping):
-            yield from _leaves(value, name)
-        else:
-            yield name, value
+        name = f"{prefix}/{key}".strip("/")
+        for one in value if isinstance(value, list) and any(map(_channel, value)) else [value]:
+            if samples := _channel(one):
+                named, unit = one.get("name", one.get("label", name)), one.get("unit", one.get("units"))
+                yield f"{named} [{unit}]" if unit else str(named), samples
+            elif isinstance(one, Mapping):
+                yield from _leaves(one, name)
+            else:
+                yield name, one
 
 
 def _is_column(values: Any) -> bool:
