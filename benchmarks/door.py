@@ -280,7 +280,7 @@ NAMES: dict[str, Callable[[Sheet], None]] = {
     "Russian": _called("напряжение", "давление питания", "давление 1", "время"),
     "Chinese": _called("控制电压", "供气压力", "压力1", "时间"),
     "by number": _called("CH1", "CH3", "CH2"),
-    "Chinese of old": _called("控制电压", "供气压力", "压力1", "时间", "gbk"),
+    "Chinese of old": _called("控制电压", "供气压力", "压力1", "时间", "gb18030"),
     "Japanese of old": _called("電圧指令", "供給圧力", "圧力1", "時間", "cp932"),
     "inputs": _called("ACH1", "ACH2", "ACH3"),
     "run together": _called("Uvalve", "Psup", "Ptank"),

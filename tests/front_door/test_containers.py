@@ -272,6 +272,10 @@ def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path)
         (b"\x1f\x8b" + b"\0" * 99, "cannot be read as gzip"),
         (b"PK\x03\x04" + b"\0" * 99, "cannot be read as zip"),
         (b"a.csv".ljust(257, b"\0") + b"ustar".ljust(255, b"\0"), "this is a tar archive"),
+        (
+            b"RIG,1,1999\r\n4,3A,1D\r\n1,P1,,,bar,0.001,0,0,-32767,32767,1,1,P\r\n",
+            "this is a header of a COMTRADE recording",
+        ),
         (b"SQLite format 3\0" + b"\0" * 4000, "this is a database of SQLite, and no rosbag2"),
     ],
 )

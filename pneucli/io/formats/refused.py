@@ -28,4 +28,9 @@ RAR = Format("RAR", magic=(b"Rar!\x1a\x07",), refused="RAR archive; unpack it fi
 ZSTANDARD = Format("Zstandard", magic=(b"\x28\xb5\x2f\xfd",), refused="Zstandard file; unpack it first")
 MARKUP = Format("XML", pattern=_MARKUP, refused="XML or HTML document; export the numbers as CSV")
 YAML = Format("YAML", pattern=_YAML, refused="YAML document; export the numbers as CSV or JSON")
+COMTRADE = Format(
+    "COMTRADE",
+    pattern=rb"[^\n]*,(?:1991|1999|2013)\s*\n\s*\d+\s*,\s*\d+A\s*,\s*\d+D\s*\n",
+    refused="header of a COMTRADE recording; export both files as CSV",
+)
 TAR = Format("tar", pattern=rb"(?s).{257}ustar", refused="tar archive; unpack it first")
