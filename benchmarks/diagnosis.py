@@ -567,7 +567,7 @@ def print_limits(programmes: int = 300, seed: int = 49) -> None:
         listed = [m for bench in benches for m in candidate_manoeuvres(bench, limits)]
         drawn = draw_programme(listed, SECONDS, safety, seed + number)
         real = replace(laboratory, parameters=off_by_interval(laboratory.parameters, rng))
-        exceeded.update(played_violations(real, drawn, limits))
+        exceeded.update(played_violations(real, drawn, safety))
         played, refused = played + len(drawn), refused + len(safety.refused)
     print("| programmes | manoeuvres played | refused before | exceeded limits |\n| ---: | ---: | ---: | ---: |")
     kinds = ", ".join(f"{count} of {name}" for name, count in exceeded.items())
@@ -600,9 +600,9 @@ def off_by_interval(par: Parameters, rng: np.random.Generator) -> Parameters:
     return par._replace(**off)
 
 
-def played_violations(laboratory: Laboratory, programme: Sequence[Manoeuvre], limits: Limits) -> Iterator[str]:
+def played_violations(laboratory: Laboratory, programme: Sequence[Manoeuvre], safety: Safety) -> Iterator[str]:
     """Play a programme on the rig from its file of commands; yield the quantity of each limit that is exceeded."""
-    rows = [*recordings_of(programme)]
+    rows = [*recordings_of(programme, safety.models["exact"])]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "commands.csv"
         file.write_text(commands_csv(programme, rows), encoding="utf-8")
@@ -611,7 +611,7 @@ def played_violations(laboratory: Laboratory, programme: Sequence[Manoeuvre], li
         assert isinstance(take.excitation, Excitation)
         truth = simulate_rig(laboratory.parameters, take.excitation)
         outcome = Outcome(truth["u"], {}, truth["p1"], truth["p2"], truth["x"], truth["v"])
-        for found in violations(outcome, limits, one.bench.rig):
+        for found in violations(outcome, safety.limits, one.bench.rig):
             scale = one.bench.rig.stroke if found.quantity == "x" else abs(found.limit)
             if abs(found.value - found.limit) > TOLERANCE * (scale or 1.0):
                 yield found.quantity
