@@ -21,6 +21,7 @@ STANDSTILL_SPEED = 2e-4  # m/s, below which the direction of dry friction is unc
 FRICTION_PASSES = 2  # evaluations of the force, since friction may depend on the pressure that it needs
 STEPS_PER_PERIOD = 4.0  # of a sampling period, while a vessel fills
 MAX_FILLING_STEP = 2.5e-4  # s
+FOLLOWED = 0.1  # of the range of a position reference
 
 
 def simulate_manoeuvre(manoeuvre: Manoeuvre, model: Model) -> Outcome:
@@ -36,6 +37,14 @@ def simulate_manoeuvre(manoeuvre: Manoeuvre, model: Model) -> Outcome:
     if manoeuvre.bench.drive in ("motion", "machine"):
         return _follow_motion(manoeuvre, model)
     return _run_kernel(manoeuvre, model)
+
+
+def is_followed(manoeuvre: Manoeuvre, model: Model) -> bool:
+    """Whether a position loop moves the piston: within a dead zone a weak one does not. Small reversals need not."""
+    if manoeuvre.bench.drive != "position" or manoeuvre.kind == "small-reversals":
+        return True
+    outcome, asked = simulate_manoeuvre(manoeuvre, model), np.ptp(sample(manoeuvre.profile, manoeuvre.bench.period))
+    return outcome.x is None or bool(np.ptp(outcome.x) >= FOLLOWED * asked)
 
 
 def start_of(manoeuvre: Manoeuvre, model: Model) -> State:

@@ -58,6 +58,7 @@ from pneucli.plan.power import (
     with_absent_effects,
 )
 from pneucli.plan.rivals import Rival, rivals_of_diagnosis
+from pneucli.plan.simulation import is_followed
 from pneucli.recording import Rig
 from pneucli.report.plan_page import plan_page
 from pneucli.simulate.model import without_effect
@@ -68,7 +69,7 @@ from pneucli.stages.planned_recordings import planned_recording, planned_recordi
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out
 MAX_SHARE_BY_HAND = 0.5  # of the machine time
-MIN_KEPT = 0.5  # of the motions of a position loop
+MIN_DONE = 0.5  # of the motions of a position loop
 SEED_DIGITS = 8  # of the digest
 
 
@@ -104,24 +105,29 @@ def run(context: Context) -> dict[str, Any]:
 
 
 def with_kept_loop(bench: Bench, safety: Safety) -> Bench:
-    """Return a bench whose position loop keeps the limits in half of its motions: its own, else the gentler one that
-    does so in most: a small actuator on a large valve exceeds its speed at usual gains.
+    """Return a bench whose position loop does half of its motions within the limits: its own, else the gentler one that
+    does most: a small actuator on a large valve exceeds its speed at usual gains.
     """
     if bench.drive != "position":
         return bench
     count = int(np.log2(LOOP_RANGE_UNKNOWN / bench.loop_range)) + 1
     loops = [replace(bench, loop_range=bench.loop_range * 2.0**k) for k in range(count)]
+    keeps, best = replace(safety, refused=[]), next(iter(safety.models.values()))
 
-    def kept(one: Bench) -> float:
-        return float(np.mean([*map(replace(safety, refused=[]), candidate_manoeuvres(one, safety.limits))]))
+    def done(one: Bench) -> float:
+        return float(np.mean([keeps(m) and is_followed(m, best) for m in candidate_manoeuvres(one, safety.limits)]))
 
-    return bench if kept(bench) >= MIN_KEPT else max(loops, key=kept)
+    return bench if done(bench) >= MIN_DONE else max(loops, key=done)
 
 
 def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> list[Manoeuvre]:
     listed = [m for bench in basis.benches for m in candidate_manoeuvres(bench, basis.limits)]
     seed = int(basis.digest[:SEED_DIGITS], 16)
-    return draw_programme(listed, seconds, basis.safety, seed, by_hand)
+
+    def is_possible(one: Manoeuvre) -> bool:
+        return basis.safety(one) and is_followed(one, basis.expectation.model)
+
+    return draw_programme(listed, seconds, is_possible, seed, by_hand)
 
 
 def _predictions(context: Context, basis: Basis, programme: Sequence[Manoeuvre]) -> list[Prediction]:

@@ -23,7 +23,7 @@ from pneucli.plan.limits import (
     with_monotone_valves,
 )
 from pneucli.plan.manoeuvres import candidate_manoeuvres
-from pneucli.plan.simulation import simulate_manoeuvre, start_of
+from pneucli.plan.simulation import is_followed, simulate_manoeuvre, start_of
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -84,6 +84,13 @@ def test_a_loop_that_is_too_fast_for_the_rig_gets_a_smaller_gain() -> None:
     assert with_kept_loop(bench, wide) is bench
     assert with_kept_loop(bench, narrow).loop_range > LOOP_RANGE
     assert not narrow.refused
+
+
+def test_a_loop_that_is_too_weak_for_its_valve_moves_nothing() -> None:
+    bench = replace(next(b for b in BENCHES if b.drive == "position"), loop_range=LOOP_RANGE)
+    sine = next(m for m in candidate_manoeuvres(bench, LIMITS) if m.kind == "motion-sine")
+    assert is_followed(sine, MODEL)
+    assert not is_followed(replace(sine, bench=replace(bench, loop_range=1e3)), MODEL)
 
 
 def fit(mass: float, error: float) -> Any:
