@@ -15,7 +15,7 @@ from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_cl
 from pneucli.init.column_names import read_name
 from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
+from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another, with_validity
 from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
@@ -100,10 +100,11 @@ def _shaped(
     timed = _has_names(reader, columns) and not computed_clocks(columns)
     runs = runs_below_one_another(columns, labels, as_text) if timed else []
     runs = runs or runs_beside_one_another(columns)
+    valid, told = with_validity(columns, labels, as_text) if timed and not runs else (list(columns), set[str]())
     clocked = [(run, _with_clocks(own)) for run, own in runs]
     by_run = {one.where[0] for _, own in runs for one in own if one.where is not None}
-    unused = [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_run)]
-    return (clocked[0][1] if clocked else _with_clocks(columns)), unused, clocked
+    unused = [*words, *(_counted(key, own) for key, own in labels.items() if key not in by_run | told)]
+    return (clocked[0][1] if clocked else _with_clocks(valid)), unused, clocked
 
 
 def _with_clocks(columns: Sequence[Column]) -> list[Column]:

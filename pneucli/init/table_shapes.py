@@ -38,6 +38,14 @@ _RUN_COLUMN = re.compile(
     rf"(?i)(?:.*[_\s/.])?(?:{_RUN_WORDS}|experiment|batch|shot)s?(?:[_\s.]*(?:id|no|nr|number|index|#))?\.?"
 )
 _RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})s?[\s_\-.#/]*(\d+)\)?")
+_VALIDITY = re.compile(r"(?i)(.+?)[\s_./:-]*(?:is[\s_]?)?(valid(?:ity)?|ok|good|quality|status)")
+_GOOD, _BAD = (
+    re.compile(r"(?i)good|ok|valid|true"),
+    re.compile(
+        r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
+    ),
+)
+_OPC_GOOD = 192  # quality of OPC, below which a value is bad or uncertain
 _ELEMENT = re.compile(r"(?<=\w)/(\d+)(?=/)")  # of an array of structs
 
 Labels = Mapping[str, ColumnValues]  # columns of text, or of numbers that were read as text, by name
@@ -68,6 +76,55 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
         replace(value, name=name, values=value.values[texts == name], where=(key, name), unit="") for name in names
     ]
     return [replace(clock, values=clock.values[texts == next(iter(names))]), *split]
+
+
+def with_validity(
+    columns: Sequence[Column], labels: Labels, as_text: Callable[[Column], ColumnValues]
+) -> tuple[list[Column], set[str]]:
+    """Return the columns without the rows that a column of their own calls bad, and the names of these columns.
+
+    It is called as the other one with a word more (``p1_valid``, ``p1 status``), and holds one word or number for good
+    and others for bad.
+    """
+    bare = {_letters(re.sub(r"[\[(].*", "", one.name)): one for one in columns}
+    found: dict[int, tuple[ColumnKey, str, ColumnValues]] = {}
+    names = [*labels, *(one.name for one in columns)]
+    for name in names:
+        called = _VALIDITY.fullmatch(name.strip())
+        own = bare.get(_letters(called[1])) if called else None
+        if called is None or own is None or own.name == name:
+            continue
+        number = bare.get(_letters(name))
+        texts = labels[name] if name in labels else as_text(number) if number is not None else None
+        if texts is not None and texts.size == own.values.size and (good := _good_of(texts, called[2].lower())):
+            key: ColumnKey = name if name in labels or number is None else number.key
+            found[id(own)] = key, good, texts == good
+    used = {str(key) for key, *_ in found.values()}
+    kept = [one for one in columns if str(one.key) not in used]
+    return [_valid_rows(one, *found[id(one)]) if id(one) in found else one for one in kept], used
+
+
+def _valid_rows(column: Column, key: ColumnKey, good: str, rows: ColumnValues) -> Column:
+    return replace(column, where=(key, good), values=np.where(rows.astype(bool), column.values, np.nan))
+
+
+def _letters(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _good_of(texts: ColumnValues, called: str) -> str:
+    """Return the word or number that calls a value good where all others call it bad; empty where none does."""
+    words = [str(text).strip() for text in dict.fromkeys(texts)]
+    numbers = [float(word) if word.replace(".", "", 1).isdigit() else None for word in words]
+    if called in ("quality", "status"):
+        good = [n is not None and n >= _OPC_GOOD for n in numbers]
+        bad = [n is not None and n < _OPC_GOOD for n in numbers]
+    else:
+        good, bad = [n == 1.0 for n in numbers], [n == 0.0 for n in numbers]
+    good = [one or bool(_GOOD.fullmatch(word)) for one, word in zip(good, words, strict=True)]
+    bad = [one or bool(_BAD.fullmatch(word)) for one, word in zip(bad, words, strict=True)]
+    told = sum(good) == 1 and len(words) > 1 and all(a != b for a, b in zip(good, bad, strict=True))
+    return words[good.index(True)] if told else ""
 
 
 def _may_be_stamp(column: Column) -> bool:

@@ -243,11 +243,19 @@ def align_tables(tables: Sequence[Table], held: Collection[str], locate: RowLoca
     if have_one_clock(tables):
         return Alignment(*join_tables(tables, locate))
     kept, losses = drop_disordered(tables, locate)
-    if max(table.time.size for table in _with_readings(kept, held)) < MIN_GRID_SAMPLES:
+    few = max(table.time.size for table in _with_readings(kept, held)) < MIN_GRID_SAMPLES
+    if few or _lack_rows_alone([table.time for table in kept]):
         table, losses = join_tables(tables, locate)
         columns = {name: hold_missing(v)[0] if name in held else v for name, v in table.columns.items()}
         return Alignment(replace(table, columns=columns), losses)
     return _on_fastest_clock(kept, held, losses, locate)
+
+
+def _lack_rows_alone(clocks: Sequence[Array]) -> bool:
+    """Return whether all clocks are that of the most stamps, at its rate, and lack some of them: rows called bad."""
+    longest = max(clocks, key=lambda one: one.size)
+    rate = _period(longest)
+    return all(_period(one) < SAME_RATE * rate and bool(np.isin(one, longest).all()) for one in clocks)
 
 
 def _with_readings(tables: Sequence[Table], held: Collection[str]) -> Sequence[Table]:

@@ -375,6 +375,40 @@ def test_a_switched_command_in_words_is_read(tmp_path: Path, states: str) -> Non
     np.testing.assert_array_equal(read(path)[0], np.arange(400) // 50 % 2)
 
 
+@pytest.mark.parametrize(
+    ("name", "good", "bad", "read"),
+    [
+        ("p1_valid", "1", "0", True),
+        ("p1 status", "GOOD", "BAD", True),
+        ("p1.quality", "192", "64", True),
+        ("P1 is OK", "true", "false", True),
+        ("p1 status", "1", "0", False),  # which of them is good, nothing says
+        ("p1 status", "RUN", "STOP", False),
+        ("pump status", "GOOD", "BAD", False),
+        ("p1_valid", "1", "1", False),
+    ],
+)
+def test_rows_that_a_column_of_its_own_calls_bad_are_missing(
+    name: str, good: str, bad: str, read: bool, tmp_path: Path
+) -> None:
+    value = lambda n: 4.0 + 0.5 * np.sin(0.01 * n) + 0.001 * (n % 3)  # noqa: E731
+    held = lambda n: value(500 if 500 <= n < 520 else n)  # noqa: E731
+    rows = [f"{n / 1000:.3f},{(n // 300) % 2},{held(n):.4f},{bad if 500 <= n < 520 else good}" for n in range(2000)]
+    path = written(tmp_path, "\n".join([f"t [s],u [V],p1 [bar abs],{name}", *rows]) + "\n")
+    init.create(tmp_path / "rig", [path])
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    where = f'where = {{ column = "{name}", equals = "{good}" }}'
+    assert (where in text) == read
+    assert ("where" in text) == read
+    if read:
+        channel = {"where": (name, good)}
+        channels = {"time": Channel("t [s]"), "u": Channel("u [V]"), "p1": Channel("p1 [bar abs]", **channel)}
+        reader = open_signals(RawFile(path, channels))
+        p1 = np.concatenate([batch["p1"] for batch in reader.batches()])
+        assert np.flatnonzero(np.isnan(p1)).tolist() == list(range(500, 520))
+        assert not reader.repairs
+
+
 def test_a_small_table_above_is_none_of_the_rows_and_a_first_row_of_status_stays(tmp_path: Path) -> None:
     rows = [f"{n / 100:.2f},{n // 50 % 3},{3 + np.sin(n / 30):.4f}" for n in range(400)]
     above = "Point,Reference,Reading\n1,0,0.1\n2,5,5.1\n3,9,9.1\n"
