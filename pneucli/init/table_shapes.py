@@ -45,7 +45,7 @@ _GOOD, _BAD = (
         r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
     ),
 )
-_OPC_GOOD = 192  # quality of OPC, below which a value is bad or uncertain
+_OPC_GOOD = 192  # quality of OPC DA (0xC0), below which a value is bad or uncertain
 _ELEMENT = re.compile(r"(?<=\w)/(\d+)(?=/)")  # of an array of structs
 
 Labels = Mapping[str, ColumnValues]  # columns of text, or of numbers that were read as text, by name
@@ -86,15 +86,16 @@ def with_validity(
     It is called as the other one with a word more (``p1_valid``, ``p1 status``), and holds one word or number for good
     and others for bad.
     """
-    bare = {_letters(re.sub(r"[\[(].*", "", one.name)): one for one in columns}
+    stems = [_letters(re.sub(r"[\[(].*", "", one.name)) for one in columns]
+    bare = {stem: one for stem, one in zip(stems, columns, strict=True) if stem and stems.count(stem) == 1}
+    by_name = {one.name: one for one in columns}
     found: dict[int, tuple[ColumnKey, str, ColumnValues]] = {}
-    names = [*labels, *(one.name for one in columns)]
-    for name in names:
+    for name in [*labels, *by_name]:
         called = _VALIDITY.fullmatch(name.strip())
         own = bare.get(_letters(called[1])) if called else None
         if called is None or own is None or own.name == name:
             continue
-        number = bare.get(_letters(name))
+        number = by_name.get(name)
         texts = labels[name] if name in labels else as_text(number) if number is not None else None
         if texts is not None and texts.size == own.values.size and (good := _good_of(texts, called[2].lower())):
             key: ColumnKey = name if name in labels or number is None else number.key
@@ -109,7 +110,7 @@ def _valid_rows(column: Column, key: ColumnKey, good: str, rows: ColumnValues) -
 
 
 def _letters(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.lower())
+    return re.sub(r"[\W_]", "", name.lower())
 
 
 def _good_of(texts: ColumnValues, called: str) -> str:

@@ -110,14 +110,17 @@ def with_kept_loop(bench: Bench, safety: Safety) -> Bench:
     """
     if bench.drive != "position":
         return bench
-    count = int(np.log2(LOOP_RANGE_UNKNOWN / bench.loop_range)) + 1
-    loops = [replace(bench, loop_range=bench.loop_range * 2.0**k) for k in range(count)]
     keeps, best = replace(safety, refused=[]), next(iter(safety.models.values()))
 
     def done(one: Bench) -> float:
         return float(np.mean([keeps(m) and is_followed(m, best) for m in candidate_manoeuvres(one, safety.limits)]))
 
-    return bench if done(bench) >= MIN_DONE else max(loops, key=done)
+    if (own := done(bench)) >= MIN_DONE:
+        return bench
+    count = int(np.log2(LOOP_RANGE_UNKNOWN / bench.loop_range))
+    gentler = [replace(bench, loop_range=bench.loop_range * 2.0**k) for k in range(1, count + 1)]
+    shares = [own, *map(done, gentler)]
+    return [bench, *gentler][int(np.argmax(shares))]
 
 
 def _drawn(basis: Basis, seconds: float, by_hand: Sequence[Manoeuvre] = ()) -> list[Manoeuvre]:

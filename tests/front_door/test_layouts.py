@@ -16,7 +16,7 @@ from pneucli.init.clock_columns import computed_clocks, paired_clocks, repeated_
 from pneucli.init.column_names import read_names, signal_scores
 from pneucli.init.role_evidence import looks_set, supply_like
 from pneucli.init.survey_types import Column
-from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another
+from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another, with_validity
 from pneucli.init.units import pressure_reference
 from pneucli.io.formats import is_text, open_raw
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
@@ -407,6 +407,14 @@ def test_rows_that_a_column_of_its_own_calls_bad_are_missing(
         p1 = np.concatenate([batch["p1"] for batch in reader.batches()])
         assert np.flatnonzero(np.isnan(p1)).tolist() == list(range(500, 520))
         assert not reader.repairs
+
+
+def test_a_column_that_calls_rows_bad_belongs_to_the_only_one_of_its_name() -> None:
+    bad = np.array(["GOOD"] * 90 + ["BAD"] * 10, dtype=object)
+    columns = [Column(name, name, "", np.arange(100.0)) for name in ("供气压力", "控制电压", "p [bar]", "p (raw)")]
+    found, used = with_validity(columns, {"供气压力 status": bad, "p status": bad}, lambda _: bad)
+    assert [one.where for one in found] == [("供气压力 status", "GOOD"), None, None, None]
+    assert used == {"供气压力 status"}
 
 
 def test_a_small_table_above_is_none_of_the_rows_and_a_first_row_of_status_stays(tmp_path: Path) -> None:
