@@ -25,12 +25,10 @@ from pneucli.diagnose.free_run_error import (
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
-from pneucli.errors import InputError
 from pneucli.figure import Figure, to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ForceBalanceInferredPressure, ResidualModel
 from pneucli.memory import release_free_memory
 from pneucli.messages.diagnose import (
@@ -90,10 +88,8 @@ def run(context: Context) -> dict[str, Any]:
     data, warnings = _diagnosis_data(pipeline)
     if subsampling := pipeline.subsampling:
         warnings.append(tell("diagnosis-subsampled", **subsampling))
-    _require_training(data, context)
+    guess = pipeline.guess()
     context.progress(GIVEN_MODEL_PROGRESS)
-    fitted = [one.experiment for one in data.train]
-    guess = guess_base_model(fitted, pipeline.rig, pipeline.valve)
     impossible = pipeline.impossible
     errors = FreeRunErrors(pipeline.experiments)
     data = replace(
@@ -127,16 +123,6 @@ def run(context: Context) -> dict[str, Any]:
     )
     answer: dict[str, Any] = to_json(found)
     return {**answer, **history.record_model(context, answer, SHAPE_FILE)}
-
-
-def _require_training(data: DiagnosisData, context: Context) -> None:
-    if not data.train:
-        raise InputError(
-            f"{context.path}, key recordings",
-            "no recording to train on",
-            'at least one with use = "train"',
-            code="E061",
-        )
 
 
 def _without_replaced_intervals(

@@ -15,11 +15,10 @@ from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
-from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import as_valve_test, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
-from pneucli.identify.residuals import ResidualModel, with_channel_weights
+from pneucli.identify.residuals import with_channel_weights
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.identification import identify_valve
@@ -79,7 +78,8 @@ def run(context: Context) -> dict[str, Any]:
     fitted_part = study.at_most(MAX_FIT_SAMPLES)
     views = with_channel_weights(fitted_part.residual_models("train"), context.config.identify.weights)
     with report_iterations_to(_round_observer(study, rounds)):
-        fitted = _fit_model(fitted_part, views)
+        study.context.progress("fitting the model")
+        fitted = fit_model(fitted_part.guess(), views, study.effects)
     tables = study.tables("identify", "ingest/signals.parquet")
     save_drawn_parameters(draw_parameters(fitted), tables)
     whole = with_intervals(fitted, views)
@@ -193,21 +193,6 @@ def _round_observer(study: PipelineData, rounds: list[Iteration]) -> Callable[[I
         study.context.progress(text)
 
     return see
-
-
-def _fit_model(study: PipelineData, views: Sequence[ResidualModel]) -> Fit:
-    """Return the model with its parameters."""
-    train = [e for e in study.experiments if e.recording.use == "train"]
-    if not train:
-        raise InputError(
-            f"{study.context.path}, key recordings",
-            "no recording to train on",
-            'at least one with use = "train"',
-            code="E061",
-        )
-    study.context.progress("fitting the model")
-    guess = guess_base_model(train, study.rig, study.valve)
-    return fit_model(guess, views, study.effects)
 
 
 def _identify_valves(study: PipelineData, found: Fit, warnings: list[str]) -> list[ValveIdentification]:

@@ -14,6 +14,7 @@ from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, did_you_mean
 from pneucli.figure import read, to_json
+from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
 from pneucli.identify.residuals import ResidualModel, residual_models
@@ -33,6 +34,7 @@ from pneucli.plausibility.rig_check import contradicted_parts, contradictions
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.stages.pipeline_file import priors_in_model, with_started_supply
 
@@ -220,6 +222,17 @@ class PipelineData:
         """Free what the experiments hold; they are made anew where they are asked for again."""
         self.__dict__.pop("experiments", None)
         release_free_memory()
+
+    def guess(self) -> Model:
+        """The model that a fit starts from; the same for every stage, to the last digit, so that they fit one model.
+
+        Raises InputError where there is no training recording.
+        """
+        train = [e for e in self.experiments if e.recording.use == "train"]
+        if not train:
+            where, wanted = f"{self.context.path}, key recordings", 'at least one with use = "train"'
+            raise InputError(where, "no recording to train on", wanted, code="E061")
+        return guess_base_model(train, self.rig, self.valve)
 
     def residual_models(self, use: str) -> list[ResidualModel]:
         """The recordings of one use, one subsystem at a time; the same for every stage, so that they fit one model."""

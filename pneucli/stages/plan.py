@@ -18,7 +18,6 @@ from pneucli.figure import to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
-from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Provenance, atomic_path, write_table
 from pneucli.messages.formatting import format_plain
@@ -454,8 +453,7 @@ def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel]) -> Fit:
     given, where = pipeline.effects, f"{pipeline.context.path}, key model.effects"
     named = [n for n in pipeline.context.answers["diagnose"]["missing"] if n not in {e.name for e in given}]
     added = select_effects(named, pipeline.available_effects, where)
-    guess = guess_base_model([one.experiment for one in train], pipeline.rig, pipeline.valve)
-    return with_intervals(fit_model(guess, train, (*given, *added)), train)
+    return with_intervals(fit_model(pipeline.guess(), train, (*given, *added)), train)
 
 
 def described_rig(context: Context) -> Basis:

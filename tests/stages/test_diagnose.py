@@ -26,7 +26,8 @@ from pneucli.messages.formatting import format_noise_ratio
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.rig_check import contradictions
-from pneucli.stages import diagnose, ingest
+from pneucli.simulate.model import Model
+from pneucli.stages import diagnose, identify, ingest
 from pneucli.stages.diagnosis_answer import proposed_experiment
 from pneucli.stages.pipeline_data import PipelineData
 from tests.diagnose.candidates import candidate, diagnosis_data
@@ -98,6 +99,35 @@ def test_parameters_of_the_fit_of_all_recordings_have_the_intervals_of_every_est
     answer = diagnosed(FIXTURES / "valve_null" / "pipeline.toml", tmp_path)
     assert answer["parameters"] == {"volume": {"value": 2.0, "unit": "m^3", "ci95": [1.0, 3.0]}}
     assert fitted_to == [len(load(FIXTURES / "valve_null" / "pipeline.toml").recordings)]
+
+
+class Started(Exception):  # noqa: N818 - it ends a stage, and tells where its fit starts
+    """A fit was to start from a model."""
+
+    def __init__(self, model: Model) -> None:
+        super().__init__()
+        self.model = model
+
+
+def test_identify_and_diagnose_fit_from_the_same_start_to_the_last_digit(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Where a fit has several minima, a start that differs in its last digit gives one model two errors."""
+
+    def start(model: Model, *_: object, **__: object) -> Fit:
+        raise Started(model)
+
+    path, starts = FIXTURES / "demo" / "pipeline.toml", list[Model]()
+    config, answers = load(path), {}
+    (tmp_path / "ingest").mkdir()
+    answers["ingest"] = ingest.run(Context(path, config, tmp_path / "ingest", tmp_path))
+    for stage in (identify, diagnose):
+        monkeypatch.setattr(stage, "fit_model", start)
+        with pytest.raises(Started) as started:
+            stage.run(Context(path, config, tmp_path, tmp_path, answers=answers))
+        starts.append(started.value.model)
+    assert starts[0].values == starts[1].values
+    assert starts[0].valves == starts[1].valves
 
 
 def test_what_is_named_is_sure_and_what_is_not_is_less_so(hysteresis: Diagnosed) -> None:
