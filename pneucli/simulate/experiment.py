@@ -53,6 +53,7 @@ class Experiment:
         stroke_limits: Lowest and highest x in m; None: as the rig states them.
         detected_ends: Ends in m that recordings show, infinite where they show none.
         end_compliance: Distance in m by which an end may yield.
+        longest_step: Longest step of the kernel in s; None: that of :attr:`max_step`.
     """
 
     recording: Recording
@@ -69,6 +70,7 @@ class Experiment:
     stroke_limits: tuple[float, float] | None = None
     detected_ends: tuple[float, float] = (-np.inf, np.inf)
     end_compliance: float = 0.0
+    longest_step: float | None = None
 
     @property
     def time(self) -> Array:
@@ -188,6 +190,8 @@ class Experiment:
     @cached_property
     def max_step(self) -> float:
         """Longest step of the kernel in s, for a moving piston or for chambers that fill."""
+        if self.longest_step is not None:
+            return self.longest_step
         filled = [p for p in ("p1", "p2") if p in self.raw]
         if self.flags[at.MECHANICS] > 0.0 or not filled:
             return max_motion_step(self.rig, self.recording.period)
@@ -199,6 +203,15 @@ class Experiment:
         if self.flags[at.MECHANICS] == 0.0:
             return self.max_step
         return max(self.max_step, min(GIVEN_MOTION_STEPS * self.max_step, self.without_mechanics().max_step))
+
+    @cached_property
+    def for_differences(self) -> Experiment:
+        """The experiment as it is simulated where only the difference of two runs with different noise is asked for:
+        with the steps that suffice for a measured motion both err alike.
+        """
+        if self.longest_step is not None or self.max_given_step == self.max_step:
+            return self
+        return replace(self, longest_step=self.max_given_step)
 
     def _filling_step(self, name: str) -> float:
         smoother = self.smoothers.get(name)
