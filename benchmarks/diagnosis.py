@@ -89,7 +89,6 @@ from pneucli.figure import to_json
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
-from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue_with_sides
 from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
 from pneucli.plan.limits import SHIFTED_BEST, Limits, Safety, limits_of, violations
@@ -436,8 +435,7 @@ def interval_rows(world: str, case: KnownCase) -> Iterator[Interval]:
     with tempfile.TemporaryDirectory() as out:
         study = rigs.study_of(case.folder, Path(out), FITTED_SAMPLES)
         views = study.residual_models("train")
-        guess = guess_base_model([v.experiment for v in views], study.rig, study.valve)
-        found = fit_model(guess, views, tuple(catalogue_with_sides()[name] for name in case.effects))
+        found = fit_model(study.guess(), views, tuple(catalogue_with_sides()[name] for name in case.effects))
     fits: dict[str, Fit] = {"blocks of time": found, REPORTED: with_intervals(found, views)}
     for made, fit in fits.items():
         for e in fit.estimates:
@@ -504,7 +502,7 @@ def true_effects(case: Path, truth: Truth) -> Iterator[TrueEffect]:
     with tempfile.TemporaryDirectory() as out:
         study = rigs.study_of(case, Path(out), MAX_SAMPLES)
         train, test = (study.residual_models(use) for use in ("train", "test"))
-        guess = guess_base_model([v.experiment for v in train], study.rig, study.valve)
+        guess = study.guess()
         bench = DiagnosisData(
             train,
             test,

@@ -19,7 +19,6 @@ from benchmarks.rigs import study_of
 from pneucli.arrays import Array
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.physics.effects import catalogue
 
 RT, KAPPA, AMBIENT, SUPPLY, VISCOSITY = 287.0 * 293.15, 1.4, 1.013e5, 7e5, 1.82e-5
@@ -107,7 +106,7 @@ def row(line: tuple[float, float, float], seed: int, duration: float) -> str:
         record(Path(made), line, seed, duration)
         study = study_of(Path(made), Path(out))
         models = study.residual_models("train")
-        guess = guess_base_model([m.experiment for m in models], study.rig, study.valve)
+        guess = study.guess()
         bare, late, whole = (fit_model(guess, models, e) for e in ((), (DELAY_ALONE,), (HOSE,)))
     length, bore, volume = line
 
