@@ -17,7 +17,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.distributions import f_tail, student_t_tail
 from pneucli.identify.estimation.blocks import group_scores
-from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.fit import Fit, multiplied_level
 from pneucli.identify.estimation.least_squares import pseudo_inverse
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import null_value
@@ -142,8 +142,8 @@ class NullContrast(NamedTuple):
 def null_contrast(fit: Fit, effect: Effect) -> NullContrast | None:
     """Return the distance of the effect's fitted values from their nulls; None where it has no null.
 
-    It is the reciprocal for an infinite null, and the product for a parameter that multiplies another one: a test of
-    the ratio would depend on how uncertain the other one is.
+    It is the reciprocal for an infinite null, and the product for a parameter that multiplies a level: a test of the
+    ratio would depend on how uncertain the level is.
     """
     names = [f.name for f in fit.free]
     rows, distance, at_bounds = [], [], True
@@ -152,11 +152,12 @@ def null_contrast(fit: Fit, effect: Effect) -> NullContrast | None:
         if p.null is None or name not in names:
             continue
         row, value, null = np.zeros(len(names)), parameter_value(fit.model, name), null_value(p, fit.model)
-        own, other = names.index(name), names.index(p.multiplies) if p.multiplies in names else None
-        factor = 1.0 if other is None else parameter_value(fit.model, names[other])
+        own = names.index(name)
+        level = multiplied_level(fit.free[own], fit.free, fit.model, fit.covariance)
+        factor = 1.0 if level is None else level.value
         row[own] = factor if null is not None else -1.0 / value**2
-        if other is not None:
-            row[other] = value
+        if level is not None:
+            row += value * level.weights
         if isinstance(p.null, str) and p.null in names:
             row[names.index(p.null)] = -1.0
         rows.append(row)
@@ -200,7 +201,8 @@ def replaced_base_parameters(fit: Fit, effect: Effect, residual_models: Sequence
     if not base or not len(fit.jacobian):
         return ()
     off, change = without_effect(fit.model, effect.name), residual_change_without(fit, effect, residual_models)
-    found, multiplied = list[str](), {p.multiplies for p in effect.parameters}
+    found, own = list[str](), [f for f in fit.free if f.name.startswith(f"{effect.name}.")]
+    multiplied = {name for f in own for name in f.multiplies}
     for j in base:
         name, estimate, acts = fit.free[j].name, fit.estimates[j], fit.jacobian[:, j]
         if name in multiplied:

@@ -56,7 +56,8 @@ class Parameter:
         needs: Signals without which a parameter that refines the effect does not show.
         widens_overlap: Whether a resting valve opens later by its value, which a model without the effect takes for
             overlap.
-        multiplies: The base parameter whose product with this one acts; the parameter is then a ratio
+        multiplies: The base parameter whose product with this one acts, with the parameters that have it as their
+            null; the parameter is then a ratio
             (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
 
         stated: What a pipeline file may state of it outside ``[model]`` (:mod:`pneucli.config.pipeline_tables`).

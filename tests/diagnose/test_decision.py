@@ -90,7 +90,7 @@ def test_the_inflation_of_a_ratio_is_that_of_its_product() -> None:
     friction = catalogue()["pressure-friction"]
     free = (
         FreeParameter("friction.coulomb", "N", 2.0, 0.0, 1e3, 1.0),
-        FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 1.0, multiplies="friction.coulomb"),
+        FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 1.0, multiplies=("friction.coulomb",)),
     )
     by_blocks = np.array([[2.25, -0.45], [-0.45, 0.0964]])
     product = np.array([0.4, 2.0])  # derivatives of the product by friction and gain

@@ -164,6 +164,29 @@ def test_a_ratio_whose_base_parameter_is_not_fitted_counts_by_itself() -> None:
     assert null.contrast.tolist() == [[found.free[0].scale]]
 
 
+def test_a_ratio_is_tested_with_the_friction_that_the_data_determine() -> None:
+    """Where a Stribeck curve leaves Coulomb friction open, what a growth multiplies is the friction that was seen."""
+    friction = catalogue()["pressure-friction"]
+    static = FreeParameter("stribeck.static", "N", 20.0, 0.0, 1e5, 7.0)
+    found = beside_friction(fitted(friction, {"gain": 0.2}, np.ones((N, 1))))
+    coulomb, gain = found.free
+    gain = replace(gain, multiplies=(coulomb.name, static.name))
+    for errors, level in (((3.0, 0.0), 20.0), ((0.0, 3.0), 14.0), ((3.0, 3.0), 17.0)):
+        fit = replace(
+            found,
+            model=with_parameters(found.model, {static.name: 20.0}),
+            free=(coulomb, static, gain),
+            covariance=np.diag([*np.square(errors), 1e-4]),
+        )
+        null = null_contrast(fit, friction)
+        assert null is not None
+        assert null.distance.tolist() == pytest.approx([0.2 * level])
+        weights = (level - 14.0) / 6.0
+        assert null.contrast.tolist()[0] == pytest.approx(
+            [0.2 * (1.0 - weights) * 7.0, 0.2 * weights * 7.0, level * gain.scale]
+        )
+
+
 def test_an_effect_without_a_null_has_no_distance() -> None:
     """No conductance makes heat transfer absent: the walls are isothermal or adiabatic."""
     heat = catalogue()["heat-transfer"]

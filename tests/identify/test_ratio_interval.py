@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.fit import parameter_estimates
-from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.identify.estimation.fit import multiplied_level, parameter_estimates
+from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
 from pneucli.identify.estimation.ratio_interval import ratio_interval
+from pneucli.physics.effects import catalogue
 from pneucli.quantities import Z95
+from pneucli.simulate.rig_quantities import rig_quantities
 from tests.simulate.synthetic_experiments import model
 
 
@@ -98,7 +100,7 @@ def test_the_interval_contains_zero_exactly_where_that_of_the_product_does(
 # --- the estimates of a fit
 
 COULOMB = FreeParameter("friction.coulomb", "N", 2.0, 0.0, 1e3, 4.0)
-GAIN = FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 0.1, multiplies="friction.coulomb")
+GAIN = FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 0.1, multiplies=("friction.coulomb",))
 ENDED = model(["pressure-friction"], {"friction.coulomb": 2.0, "pressure-friction.gain": 0.4})
 IN_UNITS = np.array([[0.09, -0.45], [-0.45, 2.25]])  # of gain and Coulomb friction: their product is known to 0.16 N
 
@@ -135,3 +137,22 @@ def test_an_interval_without_ends_is_that_of_the_bounds() -> None:
     shaky[0, 0] += 10.0**2
     gain, _ = parameter_estimates((weak, COULOMB), ENDED, shaky)
     assert gain.ci95 == (-0.95, 0.95)
+
+
+def test_a_ratio_multiplies_the_level_of_dry_friction_that_is_determined_best() -> None:
+    """No reading is fast enough for Coulomb friction, 24 +- 6 N: all show 26 +- 0.4 N, which grow by 67 +- 3 %."""
+    values = {"friction.coulomb": 24.0, "stribeck.static": 26.0, "stribeck.velocity": 1.8}
+    known = {"position-friction.from": 0.1, "position-friction.to": 0.2, "position-friction.gain": 0.67}
+    ended, friction = model(["stribeck", "position-friction"], values | known), catalogue()["position-friction"]
+    *_, gain = effect_parameters(friction, ended, rig_quantities(ended))
+    assert gain.name == "position-friction.gain"
+    assert gain.multiplies == ("friction.coulomb", "stribeck.static")
+    static = replace(COULOMB, name="stribeck.static")
+    free = (COULOMB, static, gain)
+    errors = np.array([6.0 / COULOMB.scale, 0.4 / COULOMB.scale, 0.03 / gain.scale])
+    found = parameter_estimates(free, ended, np.diag(errors**2))[2]
+    assert found.ci95 == (pytest.approx(0.67 - Z95 * 0.03, abs=5e-3), pytest.approx(0.67 + Z95 * 0.03, abs=5e-3))
+    level = multiplied_level(gain, free, ended, np.diag(errors**2))
+    assert level is not None
+    assert level.value == pytest.approx(26.0, abs=0.02)
+    assert level.weights.sum() == pytest.approx(1.0)

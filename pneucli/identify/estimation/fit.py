@@ -23,7 +23,7 @@ from pneucli.identify.estimation.least_squares import Approximation, minimise, p
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.estimation.progress import iteration_callback
-from pneucli.identify.estimation.ratio_interval import ratio_interval
+from pneucli.identify.estimation.ratio_interval import best_determined_mean, ratio_interval
 from pneucli.identify.residuals import ResidualModel
 from pneucli.quantities import Z95
 from pneucli.simulate.model import Model, parameter_value
@@ -300,16 +300,14 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
         another one (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`). It ends at the bounds.
 
     """
-    estimates, places = [], {f.name: i for i, f in enumerate(free)}
-    slopes = np.array([f.derivative(parameter_value(model, f.name)) for f in free])
+    estimates, slopes = [], np.array([f.derivative(parameter_value(model, f.name)) for f in free])
     for j, f in enumerate(free):
         value = parameter_value(model, f.name)
         z, error = f.to_coordinate(value), float(np.sqrt(max(covariance[j, j], 0.0)))
         ends = f.from_coordinate(z - Z95 * error), f.from_coordinate(z + Z95 * error)
-        if f.multiplies in places:
-            pair = [j, places[f.multiplies]]
-            shared = covariance[np.ix_(pair, pair)] * np.outer(slopes[pair], slopes[pair])
-            ends = ratio_interval(value, parameter_value(model, f.multiplies), shared)
+        if (level := multiplied_level(f, free, model, covariance)) is not None:
+            rows = np.vstack([np.eye(len(free))[j], level.weights]) * slopes
+            ends = ratio_interval(value, level.value, rows @ covariance @ rows.T)
         low, high = max(ends[0], min(f.lower, value)), min(ends[1], max(f.upper, value))
         at_lower, at_upper = z - f.to_coordinate(f.lower) < 1e-6, f.to_coordinate(f.upper) - z < 1e-6
         is_open = at_lower and f.lower != 0.0 and not f.lower_is_limit, at_upper and not f.upper_is_limit
@@ -317,6 +315,38 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
         deviation = error * f.derivative(value)
         estimates.append(Estimate(f.name, f.unit, value, deviation, (low, high), bool(at_lower or at_upper), open_end))
     return tuple(estimates)
+
+
+class Level(NamedTuple):
+    """What a ratio multiplies: the mean of parameters with ``weights`` (k,), and its value in their unit."""
+
+    weights: Array
+    value: float
+
+
+def multiplied_level(
+    ratio: FreeParameter, free: Sequence[FreeParameter], model: Model, covariance: Array
+) -> Level | None:
+    """Return the level that a ratio multiplies, as the data determine it best; None where it is none or not fitted.
+
+    Args:
+        ratio: The parameter.
+        free: The free parameters of the fit.
+        model: The fitted model.
+        covariance: Covariance of the fit's coordinates, shape (k, k).
+
+    Returns:
+        The level, a mean of the fitted parameters that ``ratio`` multiplies.
+
+    """
+    columns = [j for name in ratio.multiplies for j, f in enumerate(free) if f.name == name]
+    if not columns:
+        return None
+    values = np.array([parameter_value(model, free[j].name) for j in columns])
+    slopes = np.array([free[j].derivative(v) for j, v in zip(columns, values, strict=True)])
+    weights = np.zeros(len(free))
+    weights[columns] = best_determined_mean(covariance[np.ix_(columns, columns)] * np.outer(slopes, slopes))
+    return Level(weights, float(weights[columns] @ values))
 
 
 def without_data(found: Fit) -> Fit:

@@ -27,8 +27,9 @@ class FreeParameter:
 
     ``prior_sigma`` is the standard deviation of a normal prior in that coordinate, infinite without a prior;
     ``prior_mean`` is the value at its centre, the start where absent. ``step`` is the coordinate step of the
-    differences. ``multiplies``: the parameter whose product with this one the data determine. A bound is a limit where
-    physics or the user excludes what lies beyond, as a lower bound of zero does; else it only ends the search.
+    differences. ``multiplies``: parameters of one level, whose product with this one the data determine. A bound is a
+    limit where physics or the user excludes what lies beyond, as a lower bound of zero does; else it only ends the
+    search.
     """
 
     name: str
@@ -41,7 +42,7 @@ class FreeParameter:
     prior_sigma: float = np.inf
     step: float = DIFFERENCE_STEP
     prior_mean: float | None = None
-    multiplies: str | None = None
+    multiplies: tuple[str, ...] = ()
     lower_is_limit: bool = False
     upper_is_limit: bool = False
 
@@ -224,10 +225,18 @@ def effect_parameters(
                 *(name, p.unit, start, valid_range.lower, valid_range.upper, scale),
                 logarithmic=logarithmic,
                 step=step,
-                multiplies=p.multiplies,
+                multiplies=_levels(p.multiplies, model),
             )
         )
     return with_prior_knowledge(free, model.rig)
+
+
+def _levels(multiplied: str | None, model: Model) -> tuple[str, ...]:
+    """Return the parameter that a ratio multiplies, with those of the model that equal it where they have no effect."""
+    if multiplied is None:
+        return ()
+    others = (f"{e.name}.{p.name}" for e in model.effects for p in e.parameters if p.null == multiplied)
+    return (multiplied, *others)
 
 
 def null_value(parameter: Parameter, model: Model) -> float | None:

@@ -15,6 +15,34 @@ from numpy.typing import NDArray
 from pneucli.quantities import Z95
 
 
+def best_determined_mean(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weights of the mean of some levels that the data determine best.
+
+    A relative growth of dry friction multiplies all of it, Coulomb friction and what a Stribeck curve adds. Where the
+    piston moves too slowly or too fast to tell these apart, neither is certain, and a mean of both is.
+
+    Args:
+        covariance: Covariance of the levels, shape (m, m).
+
+    Returns:
+        Weights, none negative, with the sum 1, shape (m,); of two levels those of the least variance, of more those
+        that pairs in turn give.
+
+    >>> best_determined_mean(np.array([[4.0, -1.0], [-1.0, 1.0]])).round(3).tolist()
+    [0.286, 0.714]
+    >>> best_determined_mean(np.array([[36.0, 3.0], [3.0, 0.25]])).tolist()
+    [0.0, 1.0]
+    """
+    weights: NDArray[np.float64] = np.eye(len(covariance))[0]
+    for j in range(1, len(covariance)):
+        own, other, cross = weights @ covariance @ weights, covariance[j, j], weights @ covariance[:, j]
+        spread = own + other - 2.0 * cross
+        share = min(max((own - cross) / spread, 0.0), 1.0) if spread > 0.0 else 0.0
+        weights *= 1.0 - share
+        weights[j] = share
+    return weights
+
+
 def ratio_interval(ratio: float, factor: float, covariance: NDArray[np.float64]) -> tuple[float, float]:
     """Return the 95 % interval of a ratio whose product with a factor is what the data determine.
 
