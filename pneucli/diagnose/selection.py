@@ -225,11 +225,36 @@ def _alternatives(
 
 
 def _without_improbable(data: DiagnosisData, path: Sequence[FittedModel]) -> Kept:
+    """Drop improbable effects from the last model of the path.
+
+    A proxy that was added last may take what an earlier effect explains, and be dropped after it. So effects are also
+    dropped from an earlier model of the path that costs less than what is left, and the lower cost counts.
+    """
+    known, first_fits = {frozenset(one.effect_names): one for one in path}, set[frozenset[str]]()
+    kept = _without_some(data, path, known, first_fits)
+    for end in range(len(path) - 1, 1, -1):
+        if path[end - 1].cost < kept.last.cost:
+            other = _without_some(data, path[:end], known, first_fits)
+            kept = _with_refused(other, kept.refused) if other.last.cost < kept.last.cost else kept
+    return kept
+
+
+def _with_refused(kept: Kept, earlier: Sequence[Judgement]) -> Kept:
+    """Return what is kept with the judgements of effects that were only in a larger model."""
+    judged = {*kept.judgements, *(j.decision.effect.name for j in kept.refused)}
+    return kept._replace(refused=[*kept.refused, *(j for j in earlier if j.decision.effect.name not in judged)])
+
+
+def _without_some(
+    data: DiagnosisData,
+    path: Sequence[FittedModel],
+    known: dict[frozenset[str], FittedModel],
+    first_fits: set[frozenset[str]],
+) -> Kept:
     """Drop improbable effects, and those that raise the error unless the model that is left then errs more.
 
     Each of several effects may raise the error, or make another one do so, while all together lower it.
     """
-    known, first_fits = {frozenset(one.effect_names): one for one in path}, set[frozenset[str]]()
     kept = _dropped(data, path, known, first_fits, error_may_rise=False)
     if all(j.decision.reason != "raises-error" for j in kept.refused):
         return kept
