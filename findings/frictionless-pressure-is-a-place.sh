@@ -20,7 +20,7 @@ for name, text in logs.items():
         file.write(text)
     with Resource("log.csv") as log:
         types = {field.name: field.type for field in log.schema.fields}
-        print(f"{name}: {types},", [row.to_dict(json=True)["p"] for row in log.read_rows()], end=" ")
+        print(f"{name}: {types},", [str(row["p"]) for row in log.read_rows()], end=" ")
     print("valid" if validate("log.csv").valid else "not valid")
 fields = [{"name": "p", "type": "number", "decimalChar": ","}, {"name": "u", "type": "integer"}]
 with open("log.csv", "w") as file:
@@ -29,7 +29,7 @@ with Resource("log.csv", schema=Schema.from_descriptor({"fields": fields})) as l
     print("with a schema:", [float(row["p"]) for row in log.read_rows()])
 END
 diff - seen <<'END'
-bar: {'p': 'geopoint', 'u': 'integer'}, ['6,25', '6,5'] valid
+bar: {'p': 'geopoint', 'u': 'integer'}, ['[6.0, 25.0]', '[6.0, 5.0]'] valid
 kPa: {'p': 'string', 'u': 'integer'}, ['625,0', '650,5'] valid
 points: {'p': 'number', 'u': 'integer'}, ['6.25', '6.5'] valid
 with a schema: [6.25, 6.5]
