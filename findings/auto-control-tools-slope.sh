@@ -3,9 +3,9 @@
 #
 # A first-order plant, gain 2, 3 s, dead time 1.5 s, without noise. The steepest slope is taken per sample, and its
 # tangent drawn over seconds: at 1 Hz all is near, at 10 Hz the time constant is 10 times too long, at 100 Hz 100
-# times, and the dead time 0.6 s and 0.5 s. The method of Hagglund shares the tangent for its dead time. Smith's and
-# those by areas are right within 10 %. Readings below zero are made zero before any method: a step that falls from
-# rest has a gain of 0, a model of order 0, in silence. Take Smith's, and turn a falling step over.
+# times, and the dead time 0.6 s and 0.5 s. The method of Hagglund shares the tangent for its dead time. The others are
+# right within 10 % from 10 Hz on. Readings below zero are made zero before any method: a step that falls from rest has
+# a gain of 0 in silence, or is refused for a negative time. Take Smith's, and turn a falling step over.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

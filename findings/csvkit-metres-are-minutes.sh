@@ -2,10 +2,9 @@
 # csvkit 2.2.0, agate 1.14.2: a stroke of "0.2 m" is 12 seconds, and a share of 6 % is 6.
 #
 # A table of axes with units in its cells. What all rows of a column can be decides: "0.2 m" is two tenths of a minute,
-# so that `csvjson`, `csvsort` and `csvsql` write 0:00:12, and "2 h" would be a height as well as two hours. "200 mm",
-# "20 l/min" and "20 ms" stay texts; "5 s" is five seconds. "6%" and "6 %" lose their sign, and are not a hundredth of
-# it; a price sign is dropped too. One cell that is no time, "0.2 mm", makes the column text again. Nothing is said.
-# Keep the unit in the heading, or state `--no-inference`.
+# so that `csvjson` writes 0:00:12; a height of "2 h" is two hours. "200 mm", "20 l/min" and "20 ms" stay texts; "5 s"
+# is five seconds. "6%" and "6 %" lose their sign, and are not a hundredth of it. One cell that is no time, "0.2 mm",
+# makes the column text again. Nothing is said. Keep the unit in the heading, or state `--no-inference`.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

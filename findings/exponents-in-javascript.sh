@@ -3,9 +3,8 @@
 #
 # Formulas of a calibration, evaluated as text. In math-expression-evaluator e is always Euler's number: 6e5 is 6 times
 # e times 5, and 5.1e-9 is 5.1 e less 9, 4.86; log is decimal there, and natural in the others. nerdamer reads these
-# right, but takes what follows a negative exponent into it, so that 10^-3*2 is 10^-6, and mod of -1 by 6 is -1.
-# algebrite makes 6 times an unknown e5 of it. mathjs has 600000 and 0.002. Nothing warns. Write 600000, and
-# (10^(-3))*2.
+# right, but takes what follows a negative exponent into it, so that 10^-3*2 is 10^-6. algebrite makes 6 times an
+# unknown e5 of it. mathjs has 600000 and 0.002. Nothing warns. Write 600000, and (10^(-3))*2.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

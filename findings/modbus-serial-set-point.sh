@@ -3,8 +3,8 @@
 #
 # A controller's output, written to a register by `writeRegister` and `writeRegisters`. A computation that failed, NaN,
 # is sent as 0, which opens the valve to one side; 0.29 times 100 is 28.999999999999996, and sent as 28. Numbers beyond
-# 16 bits are refused, -5 with them, though it is read back as 65531 where a drive has it. pymodbus refuses NaN.
-# Nothing warns. Test for NaN and round before writing.
+# 16 bits are refused, -5 with them, though it is read back as 65531 where a drive has it. Nothing warns. Test for NaN
+# and round before writing.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

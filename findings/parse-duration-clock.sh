@@ -2,10 +2,10 @@
 # parse-duration 2.1.9 (npm): a dead time of "0,5 s" is 5 s, "1:30" 1.03 ms, and "10 min 5" has 5 seconds more.
 #
 # Times of a test, read from its settings. A comma is dropped, whatever stands behind it: 0,5 s are 5 s and 1,5 s are
-# 15 s, though 0,05 min would be 5 min. A clock has no meaning, so that its colon is dropped and a number in
-# milliseconds is left, 0.02 for seconds without their unit is 0.02 ms too, but "10 min 5" ends with five of the next
-# smaller unit. 5 m are minutes, never metres. Nothing is refused that begins with a number; what has no known unit, as
-# 6 bar, is null. Write seconds with a point and their unit.
+# 15 s. A number without a unit counts milliseconds, and one behind another number the next smaller unit: 1:30 is 1 ms
+# and 30 us, "10 min 5" ends with five seconds, and 0.02, meant as seconds, is 0.02 ms. 5 m are minutes, never metres.
+# Nothing is refused that begins with a number; what has no known unit, as 6 bar, is null. Write seconds with a point
+# and their unit.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

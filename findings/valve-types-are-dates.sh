@@ -1,10 +1,10 @@
 #!/bin/sh
 # SheetJS 0.18.5, csv-parse 7.0.3 (npm): a 5/3 valve with a port of 1/8 is a 3 May and an 8 January, both of 2001.
 #
-# A table of valves as CSV. SheetJS makes a number of the type, 37014 days since 1900, and writes that to XLSX and
-# JSON; csv-parse with `cast_date` a date. 5/3, 5/2 and 3/2 are dates in both, as are ports of 1/8, 1/4 and 1/2 without
-# their G, and a range of 1-2. A valve of 2x3/2 stays text, so that one column holds both. Nothing warns. State `raw:
-# true` for SheetJS, and no `cast_date`; or write 5/3-way.
+# A table of valves as CSV. SheetJS makes a number of the type, 37014 days since 1900, and hands that on; csv-parse
+# with `cast_date` a date. 5/3, 5/2 and 3/2 are dates in both, as are ports of 1/8, 1/4 and 1/2 without their G, and a
+# range of 1-2. A valve of 2x3/2 stays text, so that one column holds both. Nothing warns. State `raw: true` for
+# SheetJS, and no `cast_date`; or write 5/3-way.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
