@@ -54,6 +54,7 @@ _PRESSURE_KIND = re.compile(
 )
 _ABSOLUTE = ("a", "abs", "abs.", "absolut", "absolute")
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.DOTALL)
+_ANGLE = re.compile(r"(?i)rad|deg|°|rev|rpm|u/min")
 _NUMBER = r"(10(?:\^|\*\*)-?\d+|\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
 _FACTOR_FIRST = re.compile(rf"\s*(1\s*/)?\s*{_NUMBER}\s*[*x×·]?\s*([^\d\s*x×·/].*?)\s*")
 _FACTOR_LAST = re.compile(rf"\s*(.*?[^\d\s^])\s*([*x×·/÷])\s*{_NUMBER}\s*")
@@ -164,9 +165,14 @@ def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
 
 
 def parse_unit_as(text: str, wanted: str) -> Unit:
-    """Read a unit of what is measured in ``wanted``: ``"g"`` is gravity where an acceleration is wanted."""
+    """Read a unit of what is measured in ``wanted``: ``"g"`` is gravity where an acceleration is wanted.
+
+    Where Hz are wanted, an angle counts in turns: a corner of ``"6.28 rad/s"`` or ``"60 rpm"`` is 1 Hz.
+    """
     dimension = parse_unit(wanted).dimension
-    return SYMBOLS_BY_DIMENSION.get(dimension, {}).get(text.strip().strip("[]")) or parse_unit(text)
+    unit = SYMBOLS_BY_DIMENSION.get(dimension, {}).get(text.strip().strip("[]")) or parse_unit(text)
+    turns = wanted == "Hz" and _ANGLE.search(text)
+    return replace(unit, factor=unit.factor / (2.0 * math.pi)) if turns else unit
 
 
 def parse_scaled_unit(text: str) -> tuple[str, float, bool]:

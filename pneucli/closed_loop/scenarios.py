@@ -24,7 +24,7 @@ UNITS = {
     "centre": "m",
     "amplitude": "m",
     "points": "m",
-    "frequency": "1/s",
+    "frequency": "Hz",
     "dwell": "s",
     "load": "N",
     "load_from": "s",

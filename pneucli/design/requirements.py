@@ -43,8 +43,8 @@ class Requirements:
 
     period: Annotated[float, "s"] = 1e-3
     tolerance: Annotated[float | None, "m"] = None
-    pressure_bandwidth: Annotated[float | None, "1/s"] = None
-    position_bandwidth: Annotated[float | None, "1/s"] = None
+    pressure_bandwidth: Annotated[float | None, "Hz"] = None
+    position_bandwidth: Annotated[float | None, "Hz"] = None
     damping: Annotated[float, "1"] = 1.0
     sector_ratio: Annotated[float, "1"] = 2.0
     max_speed: Annotated[float | None, "m/s"] = None

@@ -34,7 +34,7 @@ CHOICES = {
 UNITS = {
     "amplitude": "V",
     "offset": "V",
-    "frequency": "1/s",
+    "frequency": "Hz",
     "dwell": "s",
     "duration": "s",
     "x": "m",

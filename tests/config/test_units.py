@@ -6,7 +6,9 @@ import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
+from pneucli.config.value_types import Frequency
 from pneucli.errors import UnitError
 from pneucli.units import factor_and_offset, parse_quantity, parse_scaled_unit, parse_unit, same_dimension
 
@@ -255,3 +257,15 @@ def test_factors_beside_units(text: str, found: tuple[str, float, bool]) -> None
 def test_a_factor_alone_is_no_unit(text: str) -> None:
     with pytest.raises(UnitError):
         parse_scaled_unit(text)
+
+
+@pytest.mark.parametrize("text", ["6.283185307179586 rad/s", "360 deg/s", "60 rpm", "60 rev/min", "1 Hz", "1 1/s"])
+def test_a_frequency_counts_turns_of_an_angle(text: str) -> None:
+    """pint 0.25.3, cf-units 3.3.1 and others say that 60 rpm are 6.28 Hz, and 10 Hz are 10 rad/s."""
+    assert parse_quantity(text, "Hz") == pytest.approx(1.0)
+    assert parse_quantity("60 rpm", "rad/s") == pytest.approx(2 * math.pi)
+
+
+def test_a_bandwidth_may_be_stated_as_a_corner() -> None:
+    stated = TypeAdapter(Frequency).validate_python("25 rad/s")
+    assert stated == pytest.approx(25 / (2 * math.pi))
