@@ -20,7 +20,6 @@ from pneucli.init.clock_columns import (
     is_increasing,
     may_be_clock,
     repeated_clocks,
-    stated_period,
     unusual_rate,
 )
 from pneucli.init.column_names import (
@@ -41,6 +40,7 @@ from pneucli.init.column_names import (
 from pneucli.init.role_evidence import guess_unnamed_columns, rivals, role_evidence
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import guess_unit, implausibility
+from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.quantities import SIGNALS
 from pneucli.unit_table import ANR

@@ -12,10 +12,10 @@ import numpy as np
 import tomlkit
 
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.init.clock_columns import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess
+from pneucli.io.column_reader import is_rate, stated_period
 from pneucli.io.raw_file import ColumnKey, RawFile
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit

@@ -15,13 +15,12 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
 from pneucli.io.column_reader import (
-    PERIOD_NAMES,
-    RATE_NAMES,
     ColumnReader,
     as_text,
     clocks_by_group,
     column_names,
     split_columns,
+    tells_rate,
 )
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
@@ -210,7 +209,7 @@ def open_hdf5(path: Path) -> ColumnReader:
 
 def _rates(path: str, node: Any) -> dict[str, Place]:
     """Return the attributes of a group or dataset that say a rate, or the time between samples."""
-    said = [key for key in node.attrs if RATE_NAMES.match(key) or PERIOD_NAMES.match(key)]
+    said = [key for key in node.attrs if tells_rate(key)]
     numbers = [key for key in said if np.size(node.attrs[key]) == 1 and np.asarray(node.attrs[key]).dtype.kind in "iuf"]
     return {f"{path}/{key}".lstrip("/"): Place(path or "/", attribute=key) for key in numbers}
 
