@@ -159,7 +159,7 @@ class DelimitedReader(Reader):
     def _event(self, line: str) -> str:
         """Return the word at the end of a line that is shorter than the others, as of a trigger; else nothing."""
         fields = self._fields(line)
-        is_event = 1 < len(fields) < len(self.names) and fields[-1][:1].isalpha()
+        is_event = len(fields) < len(self.names) and fields[-1][:1].isalpha()
         return fields[-1] if is_event and fields[-1] not in NULL_TEXTS else ""
 
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
