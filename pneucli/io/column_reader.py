@@ -201,6 +201,28 @@ def as_text(value: Any) -> str:
     return value.decode(errors="replace").strip("\0 ") if isinstance(value, bytes) else str(value).strip()
 
 
+_FACTORS = re.compile(r"(?i)scale(?:_?factor)?|scaling|gain|slope|conversion(?:_?factor)?|multiplier")
+_OFFSETS = re.compile(r"(?i)(?:add_?)?offset|intercept")
+
+
+def packing(said: Mapping[str, Any], *, whole: bool) -> tuple[float, float] | None:
+    """Return factor and offset that attributes say of packed numbers; None where they may be meant in several ways.
+
+    Those of CF (conventions 1.11, section 8.1) are certain. Others count for ``whole`` numbers alone: a gain below 1 is
+    one count in the unit, a larger one may be an amplifier's, and a whole offset one of counts.
+    """
+    is_cf = not whole or bool(said.keys() & {"scale_factor", "add_offset"})
+    factor = _said_number(said, re.compile("scale_factor") if is_cf else _FACTORS, 1.0)
+    offset = _said_number(said, re.compile("add_offset") if is_cf else _OFFSETS, 0.0)
+    certain = is_cf or offset == 0.0 or (abs(factor) < 1.0 and offset % 1.0 != 0.0)
+    return (factor, offset) if certain and (is_cf or abs(factor) <= 1.0) else None
+
+
+def _said_number(said: Mapping[str, Any], key: re.Pattern[str], otherwise: float) -> float:
+    found = (number_in(np.ravel(own)[0]) for name, own in said.items() if key.fullmatch(name) and np.size(own) == 1)
+    return next(found, otherwise)
+
+
 STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
 _NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
 

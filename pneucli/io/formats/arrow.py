@@ -15,7 +15,7 @@ from pyarrow import feather
 
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time
-from pneucli.io.column_reader import ColumnReader, as_text, is_label_column
+from pneucli.io.column_reader import ColumnReader, as_text, is_label_column, packing
 from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.json_text import columns_of_rows, reader_of
@@ -28,9 +28,10 @@ ReadBatches = Callable[[list[str], int], Iterator[Any]]
 
 @dataclass
 class ArrowReader(ColumnReader):
-    """A file whose columns Arrow reads; ``read`` yields the named ones, so many rows each."""
+    """A file whose columns Arrow reads; ``read`` yields the named ones, so many rows each; ``packed``: see packing."""
 
     read: ReadBatches = field(kw_only=True)
+    packed: Mapping[str, tuple[float, float] | None] = field(kw_only=True)
 
     @classmethod
     def of_schema(cls, path: Path, format: str, schema: Any, read: ReadBatches) -> ColumnReader:
@@ -38,12 +39,14 @@ class ArrowReader(ColumnReader):
         if any(map(pa.types.is_nested, schema.types)):
             rows = [row for batch in read(schema.names, BATCH_ROWS) for row in batch.to_pylist()]
             return reader_of(path, format, columns_of_rows(rows))
-        own = {field.name: (field.metadata or {}).get(b"unit", b"").decode(errors="replace") for field in schema}
+        said = {field.name: {as_text(k): as_text(v) for k, v in (field.metadata or {}).items()} for field in schema}
+        packed = {one.name: packing(said[one.name], whole=pa.types.is_integer(one.type)) for one in schema}
+        own = {name: said[name].get("unit", "") if packed[name] else "counts" for name in said}
         texts = [field.name for field in schema if _is_text(field.type)]
         first = next(read(texts, LABEL_ROWS), None) if texts and len(own) == len(schema) else None
         known = {name: first.column(name).to_pylist() for name in texts} if first is not None else {}
         labels = {name for name, values in known.items() if is_label_column(values[:LABEL_ROWS])}
-        return cls(path, format, schema.names, lambda _: [], own, texts=labels, read=read)
+        return cls(path, format, schema.names, lambda _: [], own, texts=labels, read=read, packed=packed)
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield the asked columns; time stamps of a calendar become seconds since the first of them."""
@@ -79,7 +82,8 @@ class ArrowReader(ColumnReader):
                 where, str(error).splitlines()[0], "numbers", "export it as float64", code="E043"
             ) from error
         self.stamps |= {ask.position} if is_stamp else set()
-        return values
+        factor, offset = self.packed[name] or (1.0, 0.0)
+        return values if (factor, offset) == (1.0, 0.0) else values * factor + offset
 
 
 def _is_text(kind: Any) -> bool:
