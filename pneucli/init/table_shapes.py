@@ -151,8 +151,8 @@ def _good_of(texts: ColumnValues, called: str) -> str:
 def _may_be_stamp(column: Column) -> bool:
     """Return whether a column never goes back, and is called like a clock or in a unit of time."""
     known = column.finite_values
-    called = read_name(column, False).has(NOUNS["time"]) or column.unit in ("s", "ms", "us", "ns")
-    return called and bool(known.size > 1 and np.mean(np.diff(known) >= 0) > 0.9 and np.ptp(known) > 0)
+    rises = bool(known.size > 1 and np.mean(np.diff(known) >= 0) > 0.9 and np.ptp(known) > 0)
+    return rises and may_be_clock(column)
 
 
 def _parts_channels(texts: ColumnValues, clock: Array) -> bool:
