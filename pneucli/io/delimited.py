@@ -240,7 +240,8 @@ class DelimitedReader(Reader):
 
         Any other odd row is an error.
         """
-        last = [self._fields(line) for line in stream.last_rows()[-len(self._bad) :]]
+        lines = [line for line in stream.last_rows() if not self._event(line)]
+        last = [self._fields(line) for line in lines[-len(self._bad) :]]
         if last != [self._fields(row) for row in self._bad]:
             raise self._first_fault(asks, "")
         if last[0][0] and not is_value(last[0][0]):
