@@ -204,6 +204,8 @@ def _is_run_number(column: Column) -> bool:
 
 def _starts_anew(values: Array, edges: ColumnValues) -> bool:
     """Return whether a column rises but where the runs meet, and goes back, or on after a pause, at each of these."""
+    if np.count_nonzero(np.diff(values) < 0) > MAX_RUNS:
+        return False
     steps = np.diff(CounterClock().unwrap(values))
     inside, at_edges = np.delete(steps, edges - 1), steps[edges - 1]
     rises = bool(inside.size) and bool(np.all(inside[np.isfinite(inside)] > 0))

@@ -115,7 +115,7 @@ class Reader(ABC):
     clock_names: Collection[int]
     labels: Collection[int]
     units: Mapping[int, str]
-    stamps: Collection[int]
+    stamps: Collection[int] = frozenset()
     start: datetime | None
 
     @abstractmethod

@@ -144,12 +144,16 @@ def _read_feather(path: Path, names: list[str], rows: int) -> Iterator[Any]:
 
 
 PARQUET = Format(
-    "Parquet", "Parquet", open_parquet, magic=(b"PAR1",), used="the unit of stamps, durations and fields (`unit`)"
+    "Parquet",
+    "Parquet",
+    open_parquet,
+    magic=(b"PAR1",),
+    used="the unit of stamps and durations, `unit`, `gain`, `offset`",
 )
 FEATHER = Format(
     "Feather",
     "Feather, Arrow",
     open_feather,
     magic=(b"ARROW1", b"FEA1"),
-    used="the unit of stamps, durations and fields (`unit`)",
+    used="as Parquet",
 )

@@ -1,4 +1,4 @@
-"""JSON: an object a line (JSON lines), a list of objects, or lists by name; columns by their paths."""
+"""JSON: objects or lists, one a line (JSON lines) or listed, or lists by name; columns by their paths."""
 
 from __future__ import annotations
 
@@ -178,5 +178,5 @@ JSON = Format(
     "JSON, JSON lines",
     open_json,
     pattern=rb"[\xef\xbb\xbf\s]*(?:(?:\[\s*)?\{\s*[\"}]|\[\s*(?:\[|\"[^\"\n]*\"\s*,))",
-    column="a name, or a path `a/b`",
+    column="a name, a path `a/b`, or an array in a row",
 )
