@@ -342,8 +342,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`, a clear `gain` and `offset`; `_FillValue`, `missing_value`, values beyond "
-    "`valid_range` and parts that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since ...` is "
-    "a unit and a start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    used="unit, `scale_factor`, `add_offset`, a clear `gain` and `offset`; `_FillValue`, `missing_value`, values "
+    "beyond `valid_range` and parts that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since "
+    "...` is a unit and a start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )
