@@ -30,7 +30,7 @@ from pneucli.io.file_units import read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
-from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, is_unit, sniff, stated_numbers
 from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls
 from pneucli.paths import file_on_disk
 from pneucli.units import parse_unit, same_dimension
@@ -95,11 +95,12 @@ def _shaped(
         labels = {key: own[::-1] for key, own in labels.items()}
         words.append(NEWEST_FIRST)
     if long := long_table(columns, labels):
-        by_label = {one.where[0] for one in long if one.where is not None}
+        used = {one.where[0] for one in long if one.where is not None}
+        used |= {key for key, own in labels.items() if all(map(is_unit, set(own)))}
         taken = {one.key for one in long}
         further = [one for one in columns if one.key not in taken and not one.unit]
         beside = {one.name: [f"{value:g}" for value in one.values] for one in further} | dict(labels)
-        return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in by_label)], []
+        return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in used)], []
 
     def as_text(column: Column) -> ColumnValues:
         return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
