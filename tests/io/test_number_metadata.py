@@ -167,6 +167,20 @@ def test_a_gain_of_whole_numbers_is_applied_where_it_has_one_meaning_and_else_as
     np.testing.assert_allclose(column(reader, "p1"), [100.0, 700.0] if read is None else read)
 
 
+@pytest.mark.parametrize("form", ["a.parquet", "a.npz", "a.json"])
+def test_stamps_of_a_calendar_are_known_to_be_read_in_seconds(tmp_path: Path, form: str) -> None:
+    stamps = np.datetime64("2026-03-11T09:15:02", "ms") + np.arange(3) * np.timedelta64(10, "ms")
+    if form == "a.parquet":
+        pq.write_table(pa.table({"time": stamps, "p1": [1.0, 2.0, 3.0]}), tmp_path / form)
+    elif form == "a.npz":
+        np.savez(tmp_path / form, time=stamps, p1=np.arange(3.0))
+    else:
+        (tmp_path / form).write_text(json.dumps([{"time": str(one), "p1": 1.0} for one in stamps]), encoding="utf-8")
+    reader = opened(tmp_path / form)
+    np.testing.assert_allclose(column(reader, "time"), [0.0, 0.01, 0.02])
+    assert {list(reader.names).index("time")} == {*reader.stamps}
+
+
 def test_datasets_that_stand_for_nothing_are_no_columns(tmp_path: Path) -> None:
     """A dimension of netCDF without a variable reads as zeros under the name of a clock."""
     with h5py.File(tmp_path / "a.h5", "w") as file:
