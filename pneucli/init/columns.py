@@ -179,7 +179,7 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
     if column.written:
         note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
-    rests = AT_AMBIENT in note and " or " not in column.written  # of a unit that changes no level tells
+    rests = f"rests {AT_AMBIENT}" in note and " or " not in column.written  # of a unit that changes no level tells
     return Guess(column, signal, unit, False, reference, note, ask_unit=bool(column.written) and not rests)
 
 

@@ -19,7 +19,7 @@ MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
 DIP_SHARE = 0.005  # share of the samples that a chamber is lowest for a moment at most, as its piston starts fast
-AT_AMBIENT = "rests at ambient pressure"  # what speaks for a unit
+AT_AMBIENT = "at ambient pressure and moves from there"  # what speaks for a unit
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
@@ -28,18 +28,17 @@ def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
     if not values.size:
         return SIGNALS[signal].unit, "CHECK no value, and no unit"
     low, high = float(values.min()), float(values.max())
-    if SIGNALS[signal].unit == "Pa" and (unit := _unit_at_ambient(values)):
-        return unit, f"CHECK no unit is stated: taken for {unit}, in which it {AT_AMBIENT} and moves from there"
+    if SIGNALS[signal].unit == "Pa" and (found := _unit_at_ambient(values)):
+        return found[0], f"CHECK no unit is stated: taken for {found[0]}, in which it {found[1]} {AT_AMBIENT}"
     unit = _most_likely_unit(signal, values, angle)
     return unit, f"CHECK no unit is stated: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
 
 
-def _unit_at_ambient(values: Array) -> str:
-    """Return the unit in which a pressure rests at ambient pressure, absolute, and moves; empty where there is none."""
-    units = ("bar", "kPa", "mbar", "Pa", "psi")
-    pascals = {unit: to_si(values, unit, "Pa") for unit in units}
-    rests = (unit for unit, own in pascals.items() if ambient_rest_pressure(own) is not None)
-    return next(rests, next((unit for unit, own in pascals.items() if _is_vented(own)), ""))
+def _unit_at_ambient(values: Array) -> tuple[str, str] | None:
+    """Return the unit in which a pressure rests, or is lowest, at ambient pressure, absolute, and moves, and which."""
+    pascals = {unit: to_si(values, unit, "Pa") for unit in ("bar", "kPa", "mbar", "Pa", "psi")}
+    rests = ((unit, "rests") for unit, own in pascals.items() if ambient_rest_pressure(own) is not None)
+    return next(rests, None) or next(((unit, "is lowest") for unit, own in pascals.items() if _is_vented(own)), None)
 
 
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
