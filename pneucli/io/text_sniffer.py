@@ -199,7 +199,7 @@ class _DelimitedTable:
         titles = titles or (() if paired else self._other_lines(above, names))
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
         units = units or own or next((row for row in wide if _are_units(row)), ())
-        scales = (() if paired else self._keyed(above, _SCALES)) or self._scales or ("",) * len(units)
+        scales = self._keyed(above, _SCALES) or self._scales or ("",) * len(units)
         units = units or tuple(unit_in_brackets(name) for name in names) * bool(self._scales)
         units = tuple(BRACKETS.sub(r"\1", text) for text in units)
         scaled = zip(scales, units, strict=False)
@@ -244,14 +244,13 @@ class _DelimitedTable:
 
     def _paired(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], None] | None:
         """Return names and units of columns that follow their stamps, where lines have a key above each stamp."""
-        rows = [self._rows[n] for n in above if 3 < len(self._rows[n]) <= self.width]
-        paired = {row[0]: row[1::2] for row in rows if len({*row[::2]}) == 1}
+        rows = [self._rows[n] for n in above if len(self._rows[n]) == self.width]
+        paired = {row[0]: row[1::2] for row in rows if self.width > 2 and len({*row[::2]}) == 1}
         names, units = (next((paired[one] for one in paired if key.fullmatch(one)), ()) for key in (_TITLES, _UNITS))
         if not names:
             return None
-        clock = next((unit_in_brackets(key) for key in paired if _SAMPLE_TIME.match(key)), "")
         columns = tuple(text for name in names for text in (f"{name} time", name))
-        return columns, tuple(text for unit in units or names for text in (clock, unit * bool(units))), None
+        return columns, tuple(text for unit in units for text in ("", unit)), None
 
     def _keyed(self, lines: list[int], key: re.Pattern[str]) -> tuple[str, ...]:
         """Return what the last line behind a key says of the columns; the key has no column, or an empty one."""
@@ -341,10 +340,9 @@ class _DelimitedTable:
 _VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
-    r"(?i)(?:channel |signal |trace|symbol)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|"
-    r"bezeichnung|kanalname"
+    r"(?i)(?:channel |signal |trace)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
+    r"kanalname"
 )
-_SAMPLE_TIME = re.compile(r"(?i)sample[ -]?time")  # of TwinCAT's scope: its stamps are in the same unit
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")
 _NO_SCALES = ("", "1", "1.0")
 _POWER_OF_TEN = re.compile(r"10*(?:\.0*)?|0\.0*1|1(?:\.0*)?[eE][+-]?\d+")

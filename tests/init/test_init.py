@@ -155,14 +155,12 @@ def test_a_column_may_hold_the_unit_of_its_neighbour(tmp_path: Path, units: str)
 
 def test_stamps_before_each_value_are_named_by_pairs(tmp_path: Path) -> None:
     """As TwinCAT Scope writes them; a line of another width had ended in a fault."""
-    head = "Name,Scope\nName,fValve,Name,fPressureTank\nUnit,V,Unit,bar\nSampleTime[ms],10,SampleTime[ms],10\n\n"
+    head = "Name,Scope\nName,fValve,Name,fPressureTank\nUnit,V,Unit,bar\n\n"
     rows = (f"{1e3 * t:.0f},{int(t) % 3},{1e3 * t:.0f},{1 + np.sin(t) ** 2:.4f}" for t in T)
     (tmp_path / "a.csv").write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
     answer = init.create(tmp_path / "p", [tmp_path / "a.csv"])
     assert 'column = 2, unit = "V"' in line(answer, "u")
     assert 'column = 4, unit = "bar"' in line(answer, "p1")
-    assert 'unit = "ms"' in line(answer, "time")
-    assert "CHECK" not in line(answer, "time")
 
 
 def test_a_pressure_that_stands_alone_is_that_of_chamber_1(tmp_path: Path) -> None:
