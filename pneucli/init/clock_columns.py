@@ -15,7 +15,7 @@ from pneucli.arrays import Array
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.survey_types import Column
 from pneucli.io.clock import CounterClock, spread_stamps
-from pneucli.io.column_reader import PERIOD_NAMES, RATE_NAMES
+from pneucli.io.column_reader import SAME_RATE, stated_period
 from pneucli.io.expression import Expression
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit, same_dimension
@@ -227,7 +227,6 @@ SLOW_UNITS = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 RATES = (0.05, 1e5)  # Hz, of loggers on rigs: from a digitised figure to a fast oscilloscope
 ODD_RATES = (1e-3, 1e7)  # Hz: slower, or faster, the unit is another one
 DURATIONS = (0.05, 1e6)  # s, of recordings: from one step of a valve to a week
-SAME = 0.02  # by which two statements of one rate may differ
 YEARS = (946_684_800.0, 3.0e9)  # s since 1970: from 2000 to 2065; later numbers are those of clocks since 1904
 DAYS = ((36_526.0, 58_804.0), (730_486.0, 752_764.0))  # from 2000 to 2060, of Excel since 1900 and MATLAB since year 0
 _WORDS = (
@@ -276,22 +275,6 @@ def unusual_rate(seconds: Array) -> str:
     return f"CHECK the unit of the clock: a sample every {format_plain(period, 3)} s"
 
 
-def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:
-    """Return what single values say of the time between two samples (s), with the name that says it; None: nothing."""
-    found = {}
-    for name, value in scalars.items():
-        plain = name.rpartition("/")[2].strip()
-        if value > 0 and (RATE_NAMES.match(plain) or PERIOD_NAMES.match(plain)):
-            found[name] = 1.0 / value if RATE_NAMES.match(plain) else value
-    agree = found and max(found.values()) < (1 + SAME) * min(found.values())
-    return next(iter(found.items())) if agree else None
-
-
-def is_rate(name: str) -> bool:
-    """Return whether a single value of this name is a rate, and no time between samples."""
-    return RATE_NAMES.match(name.rpartition("/")[2].strip()) is not None
-
-
 def _votes(
     column: Column, columns: Sequence[Column], scalars: Mapping[str, float], period: float, length: float
 ) -> Iterator[Vote]:
@@ -303,7 +286,7 @@ def _votes(
     yield from _date_votes(values, period)
     yield from _second_clock_votes(column, columns)
     if (stated := stated_period(scalars)) is not None:
-        near = [u for u, factor in CLOCK_UNITS.items() if abs(period * factor / stated[1] - 1.0) < SAME]
+        near = [u for u, factor in CLOCK_UNITS.items() if abs(period * factor / stated[1] - 1.0) < SAME_RATE]
         yield from ((unit, f'"{stated[0]}" of the file says so') for unit in near)
     plausible = _plausible(period, length)
     if len(plausible) == 1:
@@ -362,7 +345,7 @@ def _second_clock_votes(column: Column, columns: Sequence[Column]) -> Iterator[V
         known = [other.unit] if other.unit and same_dimension(other.unit, "s") else _of_clock(other)
         for unit in known:
             factor = parse_unit(unit).factor * float(np.ptp(b) / np.ptp(a))
-            near = [one for one, size in (CLOCK_UNITS | SLOW_UNITS).items() if abs(factor / size - 1.0) < SAME]
+            near = [one for one, size in (CLOCK_UNITS | SLOW_UNITS).items() if abs(factor / size - 1.0) < SAME_RATE]
             yield from ((one, f'"{other.name}" goes as fast') for one in near)
         if known:
             return

@@ -170,7 +170,7 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     if kind == "pressure":
         yield from ([("p_ref", certainty + 1.0)] if is_reference else _pressure_scores(name, certainty))
     elif kind == "position" and name.has(_SPOOL):
-        return  # of the valve, not of the piston
+        yield "u", certainty - 1.5  # of the valve, not of the piston: what opens it, where nothing else is said to
     elif kind == "position":
         yield "x_ref" if is_reference else "x", certainty
     elif kind == "command" and (nouns or is_reference):  # volts alone may be any sensor's

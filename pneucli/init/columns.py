@@ -20,7 +20,6 @@ from pneucli.init.clock_columns import (
     is_increasing,
     may_be_clock,
     repeated_clocks,
-    stated_period,
     unusual_rate,
 )
 from pneucli.init.column_names import (
@@ -40,7 +39,9 @@ from pneucli.init.column_names import (
 )
 from pneucli.init.role_evidence import guess_unnamed_columns, rivals, role_evidence
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility
+from pneucli.init.units import AT_AMBIENT, guess_unit, implausibility
+from pneucli.io.clock import CounterClock
+from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.quantities import SIGNALS
 from pneucli.unit_table import ANR
@@ -90,11 +91,23 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
-    guesses = [_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))]
+    guesses = _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
     return [
         replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
         for n, one in enumerate(guesses)
     ]
+
+
+def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
+    """Return the guesses with pressures that say no unit in that of the one which tells it by where it rests."""
+    mute = {
+        id(g): g for g in guesses if g.signal.startswith("p") and not (g.unit_stated or g.column.unit or g.ask_unit)
+    }
+    told = next((one for one in mute.values() if AT_AMBIENT in one.note), None)
+    if told is None:
+        return list(guesses)
+    note = f"CHECK no unit is stated: taken for {told.unit}, as {told.signal} is"
+    return [replace(g, unit=told.unit, note=note) if id(g) in mute and g.unit != told.unit else g for g in guesses]
 
 
 def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], clock: int | None) -> bool:
@@ -166,7 +179,7 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
     if column.written:
         note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
-    rests = "rests at ambient" in note and " or " not in column.written  # of a unit that changes no level tells
+    rests = f"rests {AT_AMBIENT}" in note and " or " not in column.written  # of a unit that changes no level tells
     return Guess(column, signal, unit, False, reference, note, ask_unit=bool(column.written) and not rests)
 
 
@@ -248,7 +261,7 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: 
 
 def _goes_on_evenly(column: Column) -> bool:
     """Return whether a column rises by the same each row, and counts no rows."""
-    steps = np.diff(column.finite_values)
+    steps = np.diff(CounterClock().unwrap(column.finite_values))
     return bool(np.ptp(steps) <= 0.01 * steps[0]) and not counts_rows(column)
 
 

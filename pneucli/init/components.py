@@ -20,6 +20,7 @@ from typing import Any
 import tomlkit
 
 from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.init.writer import PLACEHOLDER, fields_to_fill_in
 from pneucli.units import parse_quantity
 
 COLUMNS = (
@@ -218,11 +219,9 @@ def _size(name: str, text: str) -> float:
 
 def with_values(text: str, values: Mapping[str, str]) -> str:
     """Return the text of a pipeline file with the values of keys that wait with a ``?``."""
-    table, lines = "", []
-    for line in text.splitlines():
-        if header := re.match(r"\[+([\w.]+)\]+", line):
-            table = header[1]
-        key = f"{table}.{line.split('=')[0].strip()}"
-        waits = re.search(r'"[^"]*\?[^"]*"', line.split("  #")[0]) if key in values else None
-        lines.append(f'{line[: waits.start()]}"{values[key]}"{line[waits.end() :]}' if waits else line)
+    lines = text.splitlines()
+    for number, key in fields_to_fill_in(text):
+        if key in values:
+            before, _, after = re.split(f"({PLACEHOLDER.pattern})", lines[number - 1], maxsplit=1)
+            lines[number - 1] = f'{before}"{values[key]}"{after}'
     return "\n".join(lines) + "\n"

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import is_increasing, stated_period
+from pneucli.init.clock_columns import is_increasing
 from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
 from pneucli.init.columns import ONLY_PRESSURE, guess_columns
 from pneucli.init.role_evidence import BY_ORDER
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
 from pneucli.io.clock import continuous_stamps
+from pneucli.io.column_reader import stated_period
 from pneucli.paths import archive_members, natural_order
 from pneucli.quantities import SIGNALS
 from pneucli.unit_table import STANDARD_ATMOSPHERE

@@ -15,10 +15,18 @@ from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_cl
 from pneucli.init.column_names import read_name
 from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another, with_validity
+from pneucli.init.table_shapes import (
+    MIN_PAUSE,
+    in_unit,
+    long_table,
+    runs_below_one_another,
+    runs_beside_one_another,
+    with_unit_beside,
+    with_validity,
+)
 from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
-from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
+from pneucli.io.file_units import read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
@@ -31,7 +39,6 @@ __all__ = ["Column", "Guess", "Survey", "survey_file"]
 
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
-MIN_PAUSE = 100  # samples between two runs that have a header each
 MAX_TEXTS = 3  # texts of a column that are shown
 
 
@@ -88,11 +95,12 @@ def _shaped(
         labels = {key: own[::-1] for key, own in labels.items()}
         words.append(NEWEST_FIRST)
     if long := long_table(columns, labels):
-        by_label = {one.where[0] for one in long if one.where is not None}
+        used = {one.where[0] for one in long if one.where is not None}
+        used |= {key for key, own in labels.items() if all(map(is_unit, set(own)))}
         taken = {one.key for one in long}
         further = [one for one in columns if one.key not in taken and not one.unit]
         beside = {one.name: [f"{value:g}" for value in one.values] for one in further} | dict(labels)
-        return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in by_label)], []
+        return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in used)], []
 
     def as_text(column: Column) -> ColumnValues:
         return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
@@ -154,30 +162,17 @@ def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[C
         title = found.titles[ask.position] if ask.position < len(found.titles) else ""
         one = _column(reader, ask.position, key, title or name, values, ask.thousands)
         above = found.units[ask.position] if ask.position < len(found.units) else ""
-        columns.append(one if one.unit or not above else _in_unit(one, read_unit(above)))
+        columns.append(one if one.unit or not above else in_unit(one, read_unit(above)))
     by_place = {ask.position: values for ask, values in zip(labels, read[len(asks) :], strict=True)}
-    columns = [_with_unit_beside(one, by_place.get(ask.position + 1)) for ask, one in zip(asks, columns, strict=True)]
+    columns = [with_unit_beside(one, by_place.get(ask.position + 1)) for ask, one in zip(asks, columns, strict=True)]
     return columns, {str(reader.names[place]): values for place, values in by_place.items()}
-
-
-def _with_unit_beside(column: Column, texts: ColumnValues | None) -> Column:
-    """Return a column in the unit that the column behind it holds; one that changes from row to row is asked for."""
-    units = [] if texts is None or column.unit else [*dict.fromkeys(text for text in texts if text)]
-    if not units or not all(map(is_unit, units)):
-        return column
-    return _in_unit(column, read_unit(units[0])) if len(units) == 1 else replace(column, written=" or ".join(units))
-
-
-def _in_unit(column: Column, unit: WrittenUnit) -> Column:
-    """Return a column in a unit that a line above the table says; a word that is none is no unit of it."""
-    return replace(column, unit=unit.unit, scale=unit.scale) if unit.unit and unit.certain else column
 
 
 def _column(
     reader: Reader, place: int, key: ColumnKey, name: str, values: Array, thousands: str | None = None
 ) -> Column:
     """Return a column with the unit that the file states; stamps of a calendar are read in s."""
-    if place in getattr(reader, "stamps", ()):
+    if place in reader.stamps:
         return Column(key, name, "s", values, thousands=thousands)
     file_unit = unit_in_file(reader, place)
     if file_unit is None:
@@ -218,7 +213,7 @@ def _survey_binary(raw: RawFile) -> Survey:
             continue
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
-    columns = [_with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
+    columns = [with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
     scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
     columns = [one for one in columns if one.values.size > 1]
     if not columns:

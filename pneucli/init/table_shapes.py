@@ -16,10 +16,14 @@ from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing, may_be_clock
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.survey_types import Column
+from pneucli.io.clock import CounterClock
+from pneucli.io.file_units import WrittenUnit, read_unit
 from pneucli.io.raw_file import ColumnKey, ColumnValues
+from pneucli.io.text_sniffer import is_unit
 
 MAX_LABELS = 30  # channels of a long table
 MAX_RUNS = 200  # runs in one table
+MIN_PAUSE = 100  # samples between two runs
 MIN_REPEATED_STAMPS = 0.2  # of the rows of a long table whose channels were sampled together
 MIN_READINGS = 2  # that repeat in an array of structs, each of which is a run: of one each is another channel
 MIN_NAMED = 0.5  # of the labels, that name a quantity
@@ -72,10 +76,26 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
     key = max(fitting, key=lambda name: (bool(_LABEL.search(name)), -len(set(labels[name]))))
     texts = labels[key]
     names = dict.fromkeys(text for text in texts if text)
-    split = [
-        replace(value, name=name, values=value.values[texts == name], where=(key, name), unit="") for name in names
-    ]
-    return [replace(clock, values=clock.values[texts == next(iter(names))]), *split]
+    said = next((own for other, own in labels.items() if other != key and all(map(is_unit, set(own)))), None)
+    split = []
+    for name in names:
+        rows = texts == name
+        one = replace(value, name=name, values=value.values[rows], where=(key, name), unit="")
+        split.append(one if said is None else with_unit_beside(one, said[rows]))
+    return [replace(clock, values=clock.values[texts == split[0].name]), *split]
+
+
+def with_unit_beside(column: Column, texts: ColumnValues | None) -> Column:
+    """Return a column in the unit that a column beside it holds; one that changes from row to row is asked for."""
+    units = [] if texts is None or column.unit else [*dict.fromkeys(text for text in texts if text)]
+    if not units or not all(map(is_unit, units)):
+        return column
+    return in_unit(column, read_unit(units[0])) if len(units) == 1 else replace(column, written=" or ".join(units))
+
+
+def in_unit(column: Column, unit: WrittenUnit) -> Column:
+    """Return a column in a unit that a line above the table says; a word that is none is no unit of it."""
+    return replace(column, unit=unit.unit, scale=unit.scale) if unit.unit and unit.certain else column
 
 
 def with_validity(
@@ -131,8 +151,8 @@ def _good_of(texts: ColumnValues, called: str) -> str:
 def _may_be_stamp(column: Column) -> bool:
     """Return whether a column never goes back, and is called like a clock or in a unit of time."""
     known = column.finite_values
-    called = read_name(column, False).has(NOUNS["time"]) or column.unit in ("s", "ms", "us", "ns")
-    return called and bool(known.size > 1 and np.mean(np.diff(known) >= 0) > 0.9 and np.ptp(known) > 0)
+    rises = bool(known.size > 1 and np.mean(np.diff(known) >= 0) > 0.9 and np.ptp(known) > 0)
+    return rises and may_be_clock(column)
 
 
 def _parts_channels(texts: ColumnValues, clock: Array) -> bool:
@@ -183,10 +203,13 @@ def _is_run_number(column: Column) -> bool:
 
 
 def _starts_anew(values: Array, edges: ColumnValues) -> bool:
-    """Return whether a column rises but where the runs meet, and goes back at each of these places."""
-    steps = np.diff(values)
-    inside = np.delete(steps, edges - 1)
-    return bool(inside.size and np.all(inside[np.isfinite(inside)] > 0) and np.all(steps[edges - 1] < 0))
+    """Return whether a column rises but where the runs meet, and goes back, or on after a pause, at each of these."""
+    if np.count_nonzero(np.diff(values) < 0) > MAX_RUNS:
+        return False
+    steps = np.diff(CounterClock().unwrap(values))
+    inside, at_edges = np.delete(steps, edges - 1), steps[edges - 1]
+    rises = bool(inside.size) and bool(np.all(inside[np.isfinite(inside)] > 0))
+    return rises and bool(np.all((at_edges < 0) | (at_edges > MIN_PAUSE * np.median(inside))))
 
 
 def _rows_of(columns: Sequence[Column], key: ColumnKey, run: str, rows: ColumnValues) -> list[Column]:

@@ -19,6 +19,7 @@ MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
 DIP_SHARE = 0.005  # share of the samples that a chamber is lowest for a moment at most, as its piston starts fast
+AT_AMBIENT = "at ambient pressure and moves from there"  # what speaks for a unit
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
@@ -27,19 +28,17 @@ def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
     if not values.size:
         return SIGNALS[signal].unit, "CHECK no value, and no unit"
     low, high = float(values.min()), float(values.max())
-    if SIGNALS[signal].unit == "Pa" and (unit := _unit_at_ambient(values)):
-        return (
-            unit,
-            f"CHECK no unit is stated: taken for {unit}, in which it rests at ambient pressure and moves from there",
-        )
+    if SIGNALS[signal].unit == "Pa" and (found := _unit_at_ambient(values)):
+        return found[0], f"CHECK no unit is stated: taken for {found[0]}, in which it {found[1]} {AT_AMBIENT}"
     unit = _most_likely_unit(signal, values, angle)
     return unit, f"CHECK no unit is stated: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
 
 
-def _unit_at_ambient(values: Array) -> str:
-    """Return the unit in which a pressure begins or ends at ambient pressure, absolute; empty where there is none."""
-    units = ("bar", "kPa", "mbar", "Pa", "psi")
-    return next((unit for unit in units if ambient_rest_pressure(to_si(values, unit, "Pa")) is not None), "")
+def _unit_at_ambient(values: Array) -> tuple[str, str] | None:
+    """Return the unit in which a pressure rests, or is lowest, at ambient pressure, absolute, and moves, and which."""
+    pascals = {unit: to_si(values, unit, "Pa") for unit in ("bar", "kPa", "mbar", "Pa", "psi")}
+    rests = ((unit, "rests") for unit, own in pascals.items() if ambient_rest_pressure(own) is not None)
+    return next(rests, None) or next(((unit, "is lowest") for unit, own in pascals.items() if _is_vented(own)), None)
 
 
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
@@ -81,15 +80,18 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tupl
             "absolute",
             f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
         )
-    moved = [values for values in pascals if values.size and float(np.ptp(values)) >= MIN_PRESSURE_CHANGE]
-    ambient = any(
-        min(values[0], values[-1], float(np.quantile(values, DIP_SHARE))) <= AMBIENT_RANGE[1] for values in moved
-    )
-    if ambient and least >= AMBIENT_RANGE[0]:  # it begins, ends or stays there; a moving chamber may pass by chance
+    if any(map(_is_vented, pascals)) and least >= AMBIENT_RANGE[0]:
         return "absolute", f"CHECK absolute: where it is lowest it is {lowest}, which is ambient pressure"
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
     return guess, f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
+
+
+def _is_vented(pascals: Array) -> bool:
+    """Return whether a pressure begins, ends or stays lowest at ambient pressure: one that moves may pass by chance."""
+    if not pascals.size or float(np.ptp(pascals)) < MIN_PRESSURE_CHANGE or pascals.min() < AMBIENT_RANGE[0]:
+        return False
+    return bool(min(pascals[0], pascals[-1], np.quantile(pascals, DIP_SHARE)) <= AMBIENT_RANGE[1])
 
 
 def _without_dropout(values: Array) -> Array:

@@ -12,10 +12,10 @@ import numpy as np
 import tomlkit
 
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.init.clock_columns import is_rate, stated_period
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess
+from pneucli.io.column_reader import is_rate, stated_period
 from pneucli.io.raw_file import ColumnKey, RawFile
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit
@@ -25,7 +25,7 @@ MAX_DEFAULT_PERIOD, MIN_HORIZON_SAMPLES = (
     0.02,
     20,
 )  # s between samples that the usual horizon is made for; samples within another one
-_PLACEHOLDER = re.compile(r'"[^"#]*\?[^"]*"')
+PLACEHOLDER = re.compile(r'"[^"#]*\?[^"]*"')
 
 
 def pipeline_text(
@@ -59,7 +59,7 @@ def fields_to_fill_in(text: str) -> list[tuple[int, str]]:
     for number, line in enumerate(text.splitlines(), 1):
         if header := re.match(r"\[+([\w.]+)\]+", line):
             table = header[1]
-        elif not line.startswith("#") and _PLACEHOLDER.search(line.split("  #")[0]):
+        elif not line.startswith("#") and PLACEHOLDER.search(line.split("  #")[0]):
             found.append((number, f"{table}.{line.split('=')[0].strip()}"))
     return found
 

@@ -23,7 +23,10 @@ from pneucli.io.raw_file import Batch, ColumnValues, Repair, joined
 from pneucli.messages.formatting import format_plain
 
 _MONTH = r"[^\s\d.,:;/-]{3,10}\.?"
-_DATE = rf"\d{{1,4}}[-./]\d{{1,2}}[-./]\d{{1,4}}|\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{2,4}}|{_MONTH} \d{{1,2}},? \d{{4}}"
+_DATE = (
+    rf"\d{{4}}-W\d\d-\d|\d{{1,4}}[-./]\d{{1,2}}[-./]\d{{1,4}}|\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{2,4}}|"
+    rf"{_MONTH} \d{{1,2}},? \d{{4}}"
+)
 _DAY = rf"(?P<day>{_DATE})"
 _PATTERN = (
     rf"^\s*(?:{_DAY}(?:[T,]|\s)\s*)?"
@@ -43,7 +46,7 @@ _SPELLINGS = (  # of stamps, and what is read in their place
     (r"^(.*)(?:上午|午前|오전) ?(.+)$", r"\1\2 AM"),
     (r"^(.*)(?:下午|午後|오후) ?(.+)$", r"\1\2 PM"),
     (r"^'", ""),  # in front of what Excel is not to read
-    (r"^(?:(\d{4}-\d\d-\d\d)[-T ])?(\d\d)\.(\d\d)\.(\d\d\.\d+)$", r"\1 \2:\3:\4"),
+    (r"^(?:(\d{4}[-.]\d\d[-.]\d\d)[-T ])?(\d\d)\.(\d\d)\.(\d\d\.\d+)$", r"\1 \2:\3:\4"),
     (r"^[A-Z][a-z]{2},? ([A-Z][a-z]{2}) +(\d{1,2}) (\d\d:\d\d:\d\d(?:\.\d+)?) (\d{4})$", r"\2 \1 \4 \3"),  # of C
     (r"^(\d+)h ?(\d+)m(?:in)? ?(\d+(?:\.\d+)?)s$", r"PT\1H\2M\3S"),
     (_COMPACT + r"(\d{3}|\d{6}|\d{9})$", r"\1-\2-\3 \4:\5:\6.\7"),
@@ -282,6 +285,8 @@ def _parse_date(text: str, day_first: bool) -> datetime:
     year_first = re.match(r"\d{4}", text) is not None
     text = re.sub(r"[^\W\d_]{3,}", lambda m: _MONTHS.get(m[0][:4].lower()) or _MONTHS.get(m[0][:3].lower(), m[0]), text)
     try:
+        if "-W" in text:
+            return datetime.fromisoformat(text)
         found: datetime = parser.parse(text, dayfirst=day_first and not year_first, yearfirst=year_first)
     except (parser.ParserError, OverflowError) as error:
         raise ValueError(f'"{text}"') from error

@@ -89,6 +89,7 @@ class ColumnReader(Reader):
         self.clocks = {place[name]: place[clock] for name, clock in known if name in place and clock in place}
         self.clock_names = frozenset(n for n, name in enumerate(self.names) if name in self.shared_clocks)
         self.labels = frozenset(n for n, name in enumerate(self.names) if name in self.texts)
+        self.stamps: set[int] = set()
 
     def batches(self, asks: Sequence[ColumnRequest]) -> Iterator[list[ColumnValues]]:
         """Yield all rows at once; raises InputError where the columns differ in length."""
@@ -107,7 +108,7 @@ class ColumnReader(Reader):
         if ask.text:
             return np.array([as_text(value) for value in column], dtype=object)
         try:
-            values, start, words = column_values(column)
+            values, clock, words = column_values(column)
         except ValueError as error:
             where = f'{self.path}, column "{self.names[ask.position]}"'
             mend = "take it with where, as a label, or export numbers"
@@ -115,7 +116,8 @@ class ColumnReader(Reader):
         if words:
             name = self.names[ask.position]
             self.repairs.append(Repair("", "words", sum(words.values()), words_message(name, words)))
-        self.start = self.start or start or parse_since(self.units.get(ask.position, ""))
+        self.stamps |= {ask.position} if clock else set()
+        self.start = self.start or (clock and clock.start) or parse_since(self.units.get(ask.position, ""))
         return values
 
     def locate(self, row: int) -> str:
@@ -139,8 +141,8 @@ def split_columns(name: str, array: ColumnValues) -> dict[str, ColumnValues]:
     return dict(zip(column_names(name, array.shape), array if array.ndim == 2 else [array], strict=False))
 
 
-def column_values(column: Any) -> tuple[ColumnValues, datetime | None, Counter[str]]:
-    """Return a column as float64, shape ``(n,)``, when its clock reads 0, and the words among its numbers by count.
+def column_values(column: Any) -> tuple[ColumnValues, Clock | None, Counter[str]]:
+    """Return a column as float64, shape ``(n,)``, the clock of stamps, and the words among its numbers by count.
 
     Calendar time becomes seconds since the first stamp, and words become NaN. Raises ValueError where texts are no
     numbers, or where words are as many as numbers.
@@ -148,13 +150,13 @@ def column_values(column: Any) -> tuple[ColumnValues, datetime | None, Counter[s
     array = np.asarray(column).ravel()
     clock = Clock()
     if array.dtype.kind in "mM":
-        return clock.seconds(array), clock.start, Counter()
+        return clock.seconds(array), clock, Counter()
     if array.dtype.kind not in "OUS":
         return array.astype(np.float64), None, Counter()
     texts = [as_text(value) for value in array]
     known = [text for text in texts if text]
     if known and all(map(is_date_or_time, known[:STAMPS_TRIED])):
-        return clock.seconds(pa.array(texts, pa.string())), clock.start, Counter()
+        return clock.seconds(pa.array(texts, pa.string())), clock, Counter()
     numbers = np.array([number_in(text) for text in texts], dtype=np.float64)
     words = Counter(text for text, number in zip(texts, numbers, strict=True) if text and np.isnan(number))
     words -= Counter({text: count for text, count in words.items() if text.lower() in _NO_NUMBER})
@@ -199,6 +201,28 @@ def as_text(value: Any) -> str:
     return value.decode(errors="replace").strip("\0 ") if isinstance(value, bytes) else str(value).strip()
 
 
+_FACTORS = re.compile(r"(?i)scale(?:_?factor)?|scaling|gain|slope|conversion(?:_?factor)?|multiplier")
+_OFFSETS = re.compile(r"(?i)(?:add_?)?offset|intercept")
+
+
+def packing(said: Mapping[str, Any], *, whole: bool) -> tuple[float, float] | None:
+    """Return factor and offset that attributes say of packed numbers; None where they may be meant in several ways.
+
+    Those of CF (conventions 1.11, section 8.1) are certain. Others count for ``whole`` numbers alone: a gain below 1 is
+    one count in the unit, a larger one may be an amplifier's, and a whole offset one of counts.
+    """
+    is_cf = not whole or bool(said.keys() & {"scale_factor", "add_offset"})
+    factor = _said_number(said, re.compile("scale_factor") if is_cf else _FACTORS, 1.0)
+    offset = _said_number(said, re.compile("add_offset") if is_cf else _OFFSETS, 0.0)
+    certain = is_cf or offset == 0.0 or (abs(factor) < 1.0 and offset % 1.0 != 0.0)
+    return (factor, offset) if certain and (is_cf or abs(factor) <= 1.0) else None
+
+
+def _said_number(said: Mapping[str, Any], key: re.Pattern[str], otherwise: float) -> float:
+    found = (number_in(np.ravel(own)[0]) for name, own in said.items() if key.fullmatch(name) and np.size(own) == 1)
+    return next(found, otherwise)
+
+
 STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
 _NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
 
@@ -225,10 +249,28 @@ _CLOCK_NAME = re.compile(
     r"(?i)(?:time(?:_s)?|t(?:_s)?|zeit|(?:time)?stamps?|tout|temps|tiempo|clock)\s*(?:[\[(].*[\])])?"
 )
 # what single values that say a rate, or the time between samples, are called
-RATE_NAMES = re.compile(
+_RATE_NAMES = re.compile(
     r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data|abtast|mess)[ _]?(?:rate|frequency|freq|frequenz))\b"
 )
-PERIOD_NAMES = re.compile(
+_PERIOD_NAMES = re.compile(
     r"(?i)^(?:ts|t_s|d[tx]|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
     r"(?:(?:sampl(?:e|ing)|abtast|mess)[ _]?)?(?:intervall?|period))\b"
 )
+SAME_RATE = 0.02  # by which two statements of one rate may differ
+
+
+def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:
+    """Return what single values say of the time between two samples (s), with the name that says it; None: nothing."""
+    found = {name: 1.0 / own if is_rate(name) else own for name, own in scalars.items() if own > 0 and tells_rate(name)}
+    agree = found and max(found.values()) < (1 + SAME_RATE) * min(found.values())
+    return next(iter(found.items())) if agree else None
+
+
+def is_rate(name: str) -> bool:
+    """Return whether a single value of this name is a rate."""
+    return _RATE_NAMES.match(name.rpartition("/")[2].strip()) is not None
+
+
+def tells_rate(name: str) -> bool:
+    """Return whether a single value of this name is a rate, or the time between samples."""
+    return is_rate(name) or _PERIOD_NAMES.match(name.rpartition("/")[2].strip()) is not None

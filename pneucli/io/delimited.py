@@ -159,7 +159,7 @@ class DelimitedReader(Reader):
     def _event(self, line: str) -> str:
         """Return the word at the end of a line that is shorter than the others, as of a trigger; else nothing."""
         fields = self._fields(line)
-        is_event = 1 < len(fields) < len(self.names) and fields[-1][:1].isalpha()
+        is_event = len(fields) < len(self.names) and fields[-1][:1].isalpha()
         return fields[-1] if is_event and fields[-1] not in NULL_TEXTS else ""
 
     def _on_bad_row(self, row: Any) -> Literal["skip", "error"]:
@@ -240,7 +240,8 @@ class DelimitedReader(Reader):
 
         Any other odd row is an error.
         """
-        last = [self._fields(line) for line in stream.last_rows()[-len(self._bad) :]]
+        lines = [line for line in stream.last_rows() if not self._event(line)]
+        last = [self._fields(line) for line in lines[-len(self._bad) :]]
         if last != [self._fields(row) for row in self._bad]:
             raise self._first_fault(asks, "")
         if last[0][0] and not is_value(last[0][0]):

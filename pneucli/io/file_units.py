@@ -20,7 +20,7 @@ _WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)
 _UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
     "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
-    "actual first second upper lower main signal float double int value"
+    "actual first second upper lower main signal float double int value real lreal dint uint udint sint usint word bool"
 )
 _NO_UNITS = frozenset(_WORDS.split())
 

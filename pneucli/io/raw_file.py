@@ -103,7 +103,8 @@ class Reader(ABC):
     All else is by the positions of columns, from 0. ``clocks`` has that of the stamps of each column whose clock the
     file itself knows; the columns at ``clock_names`` stand for the clock of whatever column they are read with. Columns
     of several clocks are read one clock at a time. ``labels`` are columns of text that is neither numbers nor stamps,
-    ``units`` those that the file says. ``start`` is when a clock of a calendar reads 0, once it has been read.
+    ``units`` those that the file says. ``stamps`` are columns of dates, times and durations, which are read in s, and
+    ``start`` is when a clock of a calendar reads 0; both are known once these were read.
     """
 
     names: Sequence[str]
@@ -114,6 +115,7 @@ class Reader(ABC):
     clock_names: Collection[int]
     labels: Collection[int]
     units: Mapping[int, str]
+    stamps: Collection[int] = frozenset()
     start: datetime | None
 
     @abstractmethod

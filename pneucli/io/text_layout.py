@@ -55,7 +55,7 @@ def _cuts_stamps(text: str) -> bool:
 
 
 _REWRITINGS = (
-    Rewriting(r"^([\d:.,]+)\s*->\s*", r"\1{}"),  # between a stamp and what a serial monitor shows after it
+    Rewriting(r"^(?:\[(\d[\dT:., /-]*)\]|([\d:.,]+)\s*->)\s*", r"\1\2{}"),  # a stamp, as logs and serial monitors write
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
     Rewriting(_BLANK, " "),
     Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
@@ -411,8 +411,13 @@ def _check_marks(raw: RawFile) -> None:
         raise InputError(f"{raw.path}, key decimal", found, "a mark for each", "change one of them", code="E047")
 
 
+_NUMBER = re.compile(
+    r"[+-]?(?:\d{1,3}(?: \d{3})+(?:[.,]\d+)?|[\d.,'’]*\d[\d.,'’]*(?:[eE][+-]?\d+)?)|nan|NaN|[+-]?inf|[+-]?∞"
+)
+
+
 def _is_number(field: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?[\d.,'’]*\d[\d.,'’]*(?:[eE][+-]?\d+)?|nan|NaN|[+-]?inf|[+-]?∞", field))
+    return _NUMBER.fullmatch(field) is not None
 
 
 def detect_encoding(path: Path, head: bytes) -> str:

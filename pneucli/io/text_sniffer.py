@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
+from pneucli.io.clock import is_date_or_time
 from pneucli.io.column_reader import number_in
 from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.raw_file import RawFile
@@ -39,7 +40,7 @@ MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
 MIN_SIDE = 10  # columns a line, of a table that lies on its side
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
 _THOUSANDS = re.compile(
-    r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+|(?:(['’])\d{3})+(?:[.,]\d+)?)"
+    r"[+-]?\d{1,3}(?:(?:([.,])\d{3}){2,}|(?:([.,])\d{3})+(?!\2)[.,]\d+|(?:(['’ ])\d{3})+(?:[.,]\d+)?)"
 )
 _MAX_COLUMNS = 1000  # columns
 
@@ -109,7 +110,7 @@ MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
     r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)?[ _]?(?:rate|fre[qk]\w*|fs|intervall?|'
     r"period|dt|increment|"
-    r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\t]+\s*"?'
+    r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\s]+"?'
     r'(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"?[\s;,]*"?((?:[A-Za-zµ][A-Za-zµ/]*)?)'
 )
 
@@ -218,7 +219,12 @@ class _DelimitedTable:
         others = [n for n in wide if n not in keyed]  # the keyed ones are lines of a table of channels
         titles = self._keyed(keyed, _TITLES)
         wide = others or wide
-        if (titles and not others) or not wide or self._has_value(wide[-1]):
+        if titles:
+            others = [n for n in others if not self._stands_apart(self._rows[n])]  # further keys
+        first, *rest = self._rows[wide[-1]][: self.width] if wide else ("",)
+        stamped = is_date_or_time(first) and not any(map(is_value, rest))  # a serial monitor stamps names as well
+        titles = ("time", *rest) if stamped else titles
+        if stamped or (titles and not others) or not wide or self._has_value(wide[-1]):
             return titles, self._keyed(keyed, _UNITS), None
         for before, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[before])):
@@ -334,7 +340,7 @@ class _DelimitedTable:
 _VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
-    r"(?i)(?:channel |signal |trace)?names?|signals?|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
+    r"(?i)(?:channel |signal |trace)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
     r"kanalname"
 )
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")

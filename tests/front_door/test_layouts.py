@@ -765,3 +765,36 @@ def test_a_line_of_units_above_the_names_and_a_factor_in_brackets_are_read_or_do
     assert (found["u"].unit, found["p1"].unit) == ("V", "bar")
     assert "no unit is stated" not in found["p1"].why
     assert found["time"].unit == "s"
+
+
+@pytest.mark.parametrize(("pause", "wrap", "runs"), [(30.0, np.inf, 3), (0.0, 86_400.0, 1)])
+def test_a_column_that_changes_where_the_clock_pauses_numbers_the_runs(
+    tmp_path: Path, pause: float, wrap: float, runs: int
+) -> None:
+    """And one that changes where a clock of 24 hours begins anew does not."""
+    t = [(86_399.4 + 0.01 * n + pause * (n // 60)) % wrap for n in range(180)]
+    rows = "".join(f"{n // 60},{at:.2f},{n % 7},{2.0 + n % 50 / 30:.4f}\n" for n, at in enumerate(t))
+    init.create(tmp_path / "rig", [written(tmp_path, "cycle,t [s],u [V],p1 [bar]\n" + rows)])
+    assert (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8").count("[[recordings]]") == runs
+
+
+def test_a_column_of_units_in_a_long_table_is_that_of_each_channel(tmp_path: Path) -> None:
+    rows = ((0.01 * n, name, unit, value) for n in range(60) for name, unit, value in
+            (("valve", "mV", 1000 * (n % 7)), ("tank pressure", "psi", 20 + n)))  # fmt: skip
+    text = "t [s],tag,unit,value\n" + "".join(f"{t:.2f},{name},{unit},{value}\n" for t, name, unit, value in rows)
+    answer = init.create(tmp_path / "rig", [written(tmp_path, text)])
+    assert {one.signal: one.unit for one in answer.columns if one.signal} == {"time": "s", "u": "mV", "p1": "psi"}
+
+
+def test_a_travel_of_the_valve_is_its_command_where_no_other_is_recorded(tmp_path: Path) -> None:
+    rows = "".join(f"{0.01 * n:.2f},{n % 7 / 10},{2 + n % 60 / 30:.4f}\n" for n in range(180))
+    answer = init.create(tmp_path / "rig", [written(tmp_path, "t [s],spool position [mm],p1 [bar]\n" + rows)])
+    (spool,) = [one for one in answer.columns if one.signal == "u"]
+    assert (spool.column, "CHECK" in spool.why) == ("spool position [mm]", True)
+
+
+def test_rows_of_arrays_in_json_are_runs(tmp_path: Path) -> None:
+    t, p = (0.01 * np.arange(60)).tolist(), (2 + np.sin(0.1 * np.arange(60))).tolist()
+    text = json.dumps([{"run": n, "t": t, "valve_V": (np.arange(60) % 7).tolist(), "p1_bar": p} for n in (1, 2)])
+    init.create(tmp_path / "rig", [written(tmp_path, text, "a.json")])
+    assert (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8").count("[[recordings]]") == 2

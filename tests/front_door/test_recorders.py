@@ -1,5 +1,6 @@
 """Texts as recorders write them by their makers' documentation: a tank behind a valve, read without a line by hand."""
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -356,11 +357,79 @@ def swiss_export(rows: Rows) -> str:
     return lines(head, rows=[text.replace(",", "'") for text in texts])
 
 
+def teac(rows: Rows) -> str:
+    """TAFFmat text: keys before a blank, and what they say of each channel."""
+    head = ("DATASET STEP", "SERIES U,P_SUPPLY,P1", "VERT_UNITS V,bar(a),bar(a)", "RATE 100.0,100.0,100.0", "DATA")
+    return lines(*head, rows=[f"{u:.0f},{s:.5f},{p:.5f}" for _, u, s, p in rows])
+
+
+def yokogawa_wvf(rows: Rows) -> str:
+    """Header of WVF above its values: keys and blanks."""
+    head = ("FormatVersion 1.11", "TraceName U P_SUPPLY P1", "BlockSize 700 700 700", "HResolution 0.01 0.01 0.01")
+    head += ("VUnit V bar(a) bar(a)", "HUnit s s s")
+    return lines(*head, rows=[f"{u:.0f} {s:.5f} {p:.5f}" for _, u, s, p in rows])
+
+
+def monitor_with_names(rows: Rows) -> str:
+    """A serial monitor that stamps the line of names, too."""
+    stamped = [f"14:03:{t:06.3f} -> {u:.0f},{s:.5f},{p:.5f}" for t, u, s, p in rows]
+    return lines("14:02:59.990 -> u,p_supply,p1", rows=stamped)
+
+
+def log_in_brackets(rows: Rows) -> str:
+    return lines(rows=[f"[2026-03-11 14:03:{t:06.3f}] u={u:.0f} p_supply={s:.5f} p1={p:.5f}" for t, u, s, p in rows])
+
+
+def week_dates(rows: Rows) -> str:
+    """ISO 8601, a day of a week, and notes between the rows."""
+    table = [f"2026-W11-3T09:15:{t:06.3f},{u:.0f},{s:.5f},{p:.5f}" for t, u, s, p in rows]
+    table[300:300] = ["TRIGGER at 3.000"]
+    return lines("Time,u [V],p_supply [bar(a)],p1 [bar(a)]", rows=table)
+
+
+def blanks_between_thousands(rows: Rows) -> str:
+    table = [f"{t:.3f};{u:.0f};{1e3 * s:,.2f};{1e3 * p:,.2f}" for t, u, s, p in rows]
+    table = [text.replace(",", " ").replace(".", ",") for text in table]
+    return lines("Zeit [s];u [V];p_supply [mbar];p1 [mbar]", rows=table)
+
+
+def tick_count(rows: Rows) -> str:
+    """GetTickCount of Windows: milliseconds in 32 bits, which begin anew after 49.7 days."""
+    stamped = [(round(2**32 - 2500 + 1e3 * t) % 2**32, *row) for t, *row in rows]
+    return lines("TickCount,u,p_supply,p1", rows=[f"{t},{u:.0f},{s:.5f},{p:.5f}" for t, u, s, p in stamped])
+
+
+def automation_studio(rows: Rows) -> str:
+    """A trace of B&R: the type of each variable in brackets."""
+    head = '"Index";"Time [us]";"Axis:ValveCmd [REAL]";"Io:PSupply [REAL]";"Io:PTank [REAL]"'
+    return lines(head, rows=[f"{n};{1e6 * t:.0f};{u:.0f};{s:.5f};{p:.5f}" for n, (t, u, s, p) in enumerate(rows)])
+
+
+def psi_without_unit(rows: Rows) -> str:
+    to_psi = 1e5 / 6894.757293
+    return lines("t,u,ps,p1", rows=[f"{t:.3f},{u:.0f},{to_psi * s:.4f},{to_psi * p:.4f}" for t, u, s, p in rows])
+
+
+def frames(rows: Rows) -> str:
+    """Grafana's frames of data: a field each, and their values."""
+    t, *values = ([*own] for own in zip(*rows, strict=True))
+    stamps = [round(1.7734e12 + 1e3 * one) for one in t]
+    named = zip(("valve_cmd", "p_supply", "p_tank"), values, strict=True)
+    found = [{"schema": {"fields": [{"name": "Time"}, {"name": n}]}, "data": {"values": [stamps, v]}} for n, v in named]
+    return json.dumps({"results": {"A": {"frames": found}}})
+
+
+def lists_of_lists(rows: Rows) -> str:
+    return "\n".join(json.dumps(row) for row in (["t [s]", "u [V]", "p_supply [bar(a)]", "p1 [bar(a)]"], *rows))
+
+
 RECORDERS: dict[Callable[[Rows], str], float] = {  # with the period that is read, 0 where people have to state it
     **dict.fromkeys((hioki_memory_hicorder, hioki_hilogger, hioki_8807, yokogawa_dlm, picoscope), 0.01),
     **dict.fromkeys((twin_builder, rohde_schwarz, druck, labview, step_7, mitsubishi), 0.01),
     **dict.fromkeys((hioki_8402, yokogawa_gx, dewesoft, campbell, hobo, benchlink, wincc), 0.01),
     **dict.fromkeys((codesys_trace, serial_plotter, pi_datalink, rockwell_trend, ros2_echo, swiss_export), 0.01),
+    **dict.fromkeys((teac, yokogawa_wvf, monitor_with_names, log_in_brackets, week_dates, tick_count, frames), 0.01),
+    **dict.fromkeys((blanks_between_thousands, automation_studio, psi_without_unit, lists_of_lists), 0.01),
     **{sapphire: 1.0, panasonic: 0.01, motion_scope: 0.0, indramotion: 0.0},
 }
 

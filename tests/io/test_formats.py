@@ -198,10 +198,6 @@ def damaged_page(path: Path) -> None:
     path.write_bytes(bytes(content))
 
 
-def nested(path: Path) -> None:
-    pq.write_table(pa.table({"t": T, "p": [[v] for v in P]}), path)
-
-
 def twice(path: Path) -> None:
     table = pa.table([pa.array(T), pa.array(P), pa.array(P)], names=["t", "p", "p"])
     pq.write_table(table, path)
@@ -224,7 +220,6 @@ def without_a_clock(path: Path) -> None:
     ("write", "says"),
     [
         (damaged_page, "cannot be read as Parquet"),
-        (nested, r'column "p" of list<.*numbers'),
         (twice, r'2 columns are called "p".*"p" \(column 2\), "p" \(column 3\)'),
         (words, r'column "p" of string.*float64'),
         (without_a_clock, r'2 columns are called "p".*"0/p" \(column 1\), "1/p"'),
@@ -235,6 +230,35 @@ def test_what_a_binary_file_holds_wrongly_is_said(tmp_path: Path, write: Callabl
     channels = {"time": Channel("time" if write is without_a_clock else "t"), "p1": Channel("p")}
     with pytest.raises(InputError, match=f"(?s){says}"):
         read(RawFile(tmp_path / "a", channels))
+
+
+def an_array_a_run(path: Path) -> None:
+    pq.write_table(pa.table({"run": [1], "t": [list(T)], "p": [list(P)]}), path)
+
+
+def an_array_a_channel(path: Path) -> None:
+    step = float(T[1] - T[0])
+    pq.write_table(pa.table({"name": ["p", "q"], "dt": [step, step], "p": [list(P), list(P + 1.0)]}), path)
+
+
+def an_array_a_sample(path: Path) -> None:
+    pq.write_table(pa.table({"t": T, "p": [[v] for v in P]}), path)
+
+
+def structs(path: Path) -> None:
+    pq.write_table(pa.table({"t": T, "row": [{"p": v} for v in P]}), path)
+
+
+@pytest.mark.parametrize("write", [an_array_a_run, an_array_a_channel, an_array_a_sample, structs])
+def test_arrays_and_structs_in_the_rows_of_a_table_are_its_samples(
+    tmp_path: Path, write: Callable[[Path], None]
+) -> None:
+    write(tmp_path / "a.parquet")
+    own = ("name", "p") if write is an_array_a_channel else None
+    channels = {"time": Channel("time" if own else "t"), "p1": Channel("p", where=own)}
+    rows = read(RawFile(tmp_path / "a.parquet", channels))
+    assert np.allclose(rows["time"] - rows["time"][0], T - T[0])
+    assert np.allclose(rows["p1"], P)
 
 
 def test_a_dictionary_column_is_read(tmp_path: Path) -> None:

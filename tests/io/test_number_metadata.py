@@ -9,6 +9,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from pneucli.errors import InputError
@@ -134,6 +136,49 @@ def test_packed_numbers_are_unpacked_and_what_is_missing_or_not_valid_is_nan(tmp
     np.testing.assert_allclose(column(reader, "p2"), [3, 5, np.nan, 7, np.nan])
     np.testing.assert_array_equal(column(reader, "x"), [np.nan, 2, 3, 4, np.nan])
     assert unit(reader, "p1") == "bar"
+
+
+@pytest.mark.parametrize(
+    ("said", "kind", "read"),
+    [
+        ({"gain": 0.01, "offset": -0.5}, "i2", [0.5, 6.5]),
+        ({"Slope": 0.01}, "u2", [1.0, 7.0]),
+        ({"scale_factor": 2.0, "add_offset": 3.0}, "i2", [203.0, 1403.0]),
+        ({"gain": 10.0}, "i2", None),  # of an amplifier?
+        ({"gain": 0.01, "offset": 2048}, "i2", None),  # in counts?
+        ({"gain": 0.01, "offset": -0.5}, "f8", [100.0, 700.0]),
+    ],
+)
+@pytest.mark.parametrize("form", ["a.h5", "a.parquet"])
+def test_a_gain_of_whole_numbers_is_applied_where_it_has_one_meaning_and_else_asked_for(
+    tmp_path: Path, form: str, said: dict[str, float], kind: str, read: list[float] | None
+) -> None:
+    raw = np.array([100, 700], kind)
+    if form == "a.h5":
+        with h5py.File(tmp_path / form, "w") as file:
+            file["p1"] = raw
+            file["p1"].attrs.update(said | {"unit": "bar"})
+    else:
+        texts = {key: str(one) for key, one in said.items()} | {"unit": "bar"}
+        field = pa.field("p1", pa.from_numpy_dtype(raw.dtype), metadata=texts)
+        pq.write_table(pa.table([pa.array(raw)], schema=pa.schema([field])), tmp_path / form)
+    reader = opened(tmp_path / form)
+    assert unit(reader, "p1") == ("counts" if read is None else "bar")
+    np.testing.assert_allclose(column(reader, "p1"), [100.0, 700.0] if read is None else read)
+
+
+@pytest.mark.parametrize("form", ["a.parquet", "a.npz", "a.json"])
+def test_stamps_of_a_calendar_are_known_to_be_read_in_seconds(tmp_path: Path, form: str) -> None:
+    stamps = np.datetime64("2026-03-11T09:15:02", "ms") + np.arange(3) * np.timedelta64(10, "ms")
+    if form == "a.parquet":
+        pq.write_table(pa.table({"time": stamps, "p1": [1.0, 2.0, 3.0]}), tmp_path / form)
+    elif form == "a.npz":
+        np.savez(tmp_path / form, time=stamps, p1=np.arange(3.0))
+    else:
+        (tmp_path / form).write_text(json.dumps([{"time": str(one), "p1": 1.0} for one in stamps]), encoding="utf-8")
+    reader = opened(tmp_path / form)
+    np.testing.assert_allclose(column(reader, "time"), [0.0, 0.01, 0.02])
+    assert {list(reader.names).index("time")} == {*reader.stamps}
 
 
 def test_datasets_that_stand_for_nothing_are_no_columns(tmp_path: Path) -> None:

@@ -108,13 +108,17 @@ def _hysteresis(paths: list[FlowPath]) -> dict[str, Any] | None:
     found = []
     for rows in forward:
         sense = np.array([goes.get((str(r), int(n)), 0.0) for r, n in zip(rows.recording, rows.row, strict=True)])
-        relative = rows.flow / rows.upstream
-        if np.ptp(rows.ratio) < MIN_RATIO_SPAN and (sense > 0).any() and (sense < 0).any():
-            found.append((float(rows.u or 0.0), float(relative[sense > 0].mean()), float(relative[sense < 0].mean())))
+        relative, rising, falling = rows.flow / rows.upstream, np.flatnonzero(sense > 0), np.flatnonzero(sense < 0)
+        if rising.size and falling.size:  # each rising row beside the falling one at the pressure ratio next to its own
+            apart = np.abs(rows.ratio[rising][:, None] - rows.ratio[falling])
+            near, beside = apart.min(axis=1) < MIN_RATIO_SPAN, falling[apart.argmin(axis=1)]
+            if near.any():
+                up, down = (float(relative[own[near]].mean()) for own in (rising, beside))
+                found.append((float(rows.u or 0.0), up, down))
     if len(found) < MIN_LOOP_COMMANDS:
         return None
-    u, up, down = np.array(found).T
-    difference, size = down - up, 0.5 * (up + down)
+    u, ups, downs = np.array(found).T
+    difference, size = downs - ups, 0.5 * (ups + downs)
     same = float(np.mean(np.sign(difference) == np.sign(np.median(difference))))
     share = float(np.median(np.abs(difference) / size))
     slope = np.gradient(size, u)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickletools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from math import prod
 from pathlib import Path
@@ -15,13 +15,13 @@ import numpy as np
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
 from pneucli.io.column_reader import (
-    PERIOD_NAMES,
-    RATE_NAMES,
     ColumnReader,
     as_text,
     clocks_by_group,
     column_names,
+    packing,
     split_columns,
+    tells_rate,
 )
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
@@ -32,7 +32,6 @@ _NO_NUMBERS = ("char", "cell", "string", "function_handle", "struct")
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 _MATLAB_NUMBERS = ("double", "single", "logical", *_INTEGERS)
 _MISSING = ("_FillValue", "missing_value")
-_PACKING = (*_MISSING, "scale_factor", "add_offset", "valid_range", "valid_min", "valid_max")
 _NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 _STAMPS = re.compile(r"(datetime|timedelta)(?:64)?(?:\[(s|ms|us|ns)[,\]].*)?")
 
@@ -147,19 +146,23 @@ def is_empty(dataset: Any) -> bool:
     return "MATLAB_empty" in dataset.attrs or as_text(dataset.attrs.get("NAME")).startswith(_NO_VARIABLE)
 
 
-def unpacked(dataset: Any, array: Any) -> Any:
-    """Return the values of a dataset that is packed as netCDF and CF pack, NaN where one is missing or not valid.
+def unpacked(attributes: Mapping[str, Any], array: Any, factor: float, offset: float) -> Any:
+    """Return the values of a dataset that may be packed, NaN where one is missing or not valid.
 
     Fill values and limits count in the numbers as they are stored (CF conventions 1.11, sections 2.5.1 and 8.1).
     """
-    attributes = dataset.attrs
-    if not any(key in attributes for key in _PACKING):
+    if array.dtype.kind not in "iuf":
         return array
     low, high = np.ravel(attributes.get("valid_range", (-np.inf, np.inf)))
     low, high = _first(attributes, "valid_min", low), _first(attributes, "valid_max", high)
     missing = [mark for key in _MISSING if key in attributes for mark in np.ravel(attributes[key])]
-    values = array * float(_first(attributes, "scale_factor", 1.0)) + float(_first(attributes, "add_offset", 0.0))
-    return np.where(np.isin(array, missing) | (array < low) | (array > high), np.nan, values)
+    lost = np.isin(array, missing) | (array < low) | (array > high)
+    values = array if (factor, offset) == (1.0, 0.0) else array * factor + offset
+    return np.where(lost, np.nan, values) if lost.any() else values
+
+
+def _packing(dataset: Any) -> tuple[float, float] | None:
+    return packing(dict(dataset.attrs), whole=dataset.dtype.kind in "iu")
 
 
 def _first(attributes: Any, key: str, otherwise: float) -> Any:
@@ -209,17 +212,18 @@ def open_hdf5(path: Path) -> ColumnReader:
 
 
 def _rates(path: str, node: Any) -> dict[str, Place]:
-    """Return the attributes of a group or dataset that say a rate, or the time between samples."""
-    said = [key for key in node.attrs if RATE_NAMES.match(key) or PERIOD_NAMES.match(key)]
+    """Return the attributes of a group or dataset that say a rate, or the time between samples, or what a count is."""
+    is_open = _kind(node) and _packing(node) is None
+    said = [key for key in node.attrs if is_open or tells_rate(key)]
     numbers = [key for key in said if np.size(node.attrs[key]) == 1 and np.asarray(node.attrs[key]).dtype.kind in "iuf"]
     return {f"{path}/{key}".lstrip("/"): Place(path or "/", attribute=key) for key in numbers}
 
 
 def _kind(dataset: Any) -> str:
-    """Return the letter of a dataset's type in NumPy; empty where it has none."""
+    """Return the letter of a dataset's type in NumPy; empty of a group, and where it has none."""
     try:
         return str(dataset.dtype.kind)
-    except TypeError:
+    except (AttributeError, TypeError):
         return ""
 
 
@@ -238,6 +242,7 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
 def _read(file: Any, place: Place) -> ColumnValues:
     if place.attribute is not None:
         return np.ravel(file[place.dataset].attrs[place.attribute])
+    attributes, packed = dict(file[place.dataset].attrs), _packing(file[place.dataset])
     dataset = _beside(file, place.dataset)
     absent = [*_absent_parts(dataset)]
     array = dataset[()] if place.field is None else dataset[place.field]
@@ -249,7 +254,7 @@ def _read(file: Any, place: Place) -> ColumnValues:
         array = list(split_columns("", array).values())[place.column] if array.ndim > 1 else array
     if place.stamps is not None:
         array = np.asarray(array).astype(np.int64).view(place.stamps)
-    return np.ravel(unpacked(dataset, array))
+    return np.ravel(unpacked(attributes, array, *(packed or (1.0, 0.0))))
 
 
 def _beside(file: Any, name: str) -> Any:
@@ -289,7 +294,9 @@ def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
 
 
 def _unit(dataset: Any) -> str:
-    """Return the unit that stands in a dataset's attributes, if any."""
+    """Return the unit that stands in a dataset's attributes, if any; counts where these leave open what one is."""
+    if _packing(dataset) is None:
+        return "counts"
     found = [dataset.attrs.get(key) for key in ("unit", "units", "Unit", "Units")]
     first = [np.ravel(one)[0] for one in found if np.size(one) == 1]  # a text, or an array of one
     texts = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in first]
@@ -335,8 +342,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`; `_FillValue`, `missing_value`, values beyond `valid_range` and parts "
-    "that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since ...` is a unit and a start; the "
-    "unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    used="unit, `scale_factor`, `add_offset`, a clear `gain` and `offset`; `_FillValue`, `missing_value`, values "
+    "beyond `valid_range` and parts that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since "
+    "...` is a unit and a start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )

@@ -1,4 +1,4 @@
-"""JSON: an object a line (JSON lines), a list of objects, or lists by name; columns by their paths."""
+"""JSON: objects or lists, one a line (JSON lines) or listed, or lists by name; columns by their paths."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, is_label_column
+from pneucli.io.column_reader import ColumnReader, is_label_column, stated_period
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues, Repair
@@ -23,11 +23,15 @@ def open_json(path: Path) -> ColumnReader:
     """List the columns: numbers, numbers and stamps as texts, and labels."""
     check_expanded_size(path, EXPANSION * path.stat().st_size)
     repairs: list[Repair] = []
-    columns = _columns(path, repairs)
-    texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
-    reader = ColumnReader.of_columns(path, JSON.name, columns, {}, {}, texts=texts)
+    reader = reader_of(path, JSON.name, _columns(path, repairs))
     reader.repairs += repairs
     return reader
+
+
+def reader_of(path: Path, format: str, columns: Mapping[str, ColumnValues]) -> ColumnReader:
+    """Return the reader of columns of numbers and of texts, which are numbers, stamps or labels."""
+    texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
+    return ColumnReader.of_columns(path, format, columns, {}, {}, texts=texts)
 
 
 def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
@@ -36,6 +40,9 @@ def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
         whole = json.loads(text)
     except json.JSONDecodeError:
         whole = _lines(path, text, repairs)
+    if isinstance(whole, list) and whole and all(isinstance(row, list) for row in whole):
+        head = whole[0] if all(isinstance(name, str) for name in whole[0]) else []
+        whole = {"columns": head or list(range(1, len(whole[0]) + 1)), "data": whole[bool(head) :]}
     tables = list(_tables(whole))
     rows: Any
     if len(tables) == 1:
@@ -47,10 +54,33 @@ def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     if isinstance(rows, Mapping):
         named = ((name, [own] if isinstance(own, int | float) else own) for name, own in rows.items())
         return {name: _vector(values) for name, values in named if _is_column(values)}
-    flat = [dict(_leaves(row, "")) for row in rows if isinstance(row, Mapping)]
+    return columns_of_rows([row for row in rows if isinstance(row, Mapping)])
+
+
+def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, ColumnValues]:
+    """Return the columns of objects, one a sample; of a few that hold more samples each than they are, by sample."""
+    flat = [sample for row in rows for sample in _samples_of_row(dict(_leaves(row, "")), len(rows))]
     names = dict.fromkeys(name for row in flat for name in row)
     read = {name: [row.get(name) for row in flat] for name in names}
     return {name: _vector(values) for name, values in read.items() if _is_column(values)}
+
+
+def _samples_of_row(row: dict[str, Any], rows: int) -> Iterator[dict[str, Any]]:
+    """Yield the samples of a row of arrays, each with what the row says of all of them; the row where it holds none.
+
+    An array is one of samples where it has more of them than there are rows; of others each number is a column.
+    """
+    arrays = {name: own for name, own in row.items() if isinstance(own, list) and _is_column(own)}
+    short = {name: own for name, own in arrays.items() if len(own) <= max(rows, 1)}
+    row |= {f"{name}/{n}" if len(own) > 1 else name: one for name, own in short.items() for n, one in enumerate(own, 1)}
+    samples = {name: own for name, own in arrays.items() if name not in short}
+    if len({len(own) for own in samples.values()}) != 1:
+        yield row
+        return
+    step = stated_period({name: own for name, own in row.items() if isinstance(own, int | float)})
+    for number, values in enumerate(zip(*samples.values(), strict=True)):
+        clock = {"time": number * step[1]} if step and "time" not in row else {}
+        yield {**row, **clock, **dict(zip(samples, values, strict=True))}
 
 
 def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
@@ -63,6 +93,12 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
         name, unit = str(node.get("target", node.get("name")) or ""), node.get("unit", node.get("units"))
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
+        elif isinstance(fields := dict(_leaves(node, "")).get("schema/fields"), list) and isinstance(rows, Mapping):
+            names, rows = (
+                [one.get("name") for one in fields],
+                list(map(list, zip(*rows.get("values", ()), strict=True))),
+            )
+            name, names = (str(names[1]), ["time", "value"]) if len(names) == 2 else (name, names)
         elif name and (samples := _samples(node)) and (stamps := _samples(node, _STAMPS)):
             names, rows = ["time", "value"], [list(pair) for pair in zip(stamps, samples, strict=False)]
         elif names is None and name:
@@ -141,6 +177,6 @@ JSON = Format(
     "JSON",
     "JSON, JSON lines",
     open_json,
-    pattern=rb"[\xef\xbb\xbf\s]*(?:\[\s*)?\{\s*[\"}]",
-    column="a name, or a path `a/b`",
+    pattern=rb"[\xef\xbb\xbf\s]*(?:(?:\[\s*)?\{\s*[\"}]|\[\s*(?:\[|\"[^\"\n]*\"\s*,))",
+    column="a name, a path `a/b`, or an array in a row",
 )
