@@ -50,6 +50,7 @@ ROUND = {
     "RAMP_RATE_MAX": 500.0,
     "MOTION_WINDOW": 0.02,
     "HOLDING_BAND": 1e-5,
+    "MOTION_STEP": 1e-5,
     "OBS_X": 0.5,
     "OBS_V": 100.0,
     "OBS_LOAD": 1e5,
@@ -96,6 +97,7 @@ ROUND = {
     "RAMP_GROWTH_RATE": 10.0,
     "UNLOADING_RATE": 50.0,
     "CLOSING_RATE": 10.0,
+    "ELASTIC_RATE": 4e4,
     "BRAKE_DAMPING": 100.0,
     "RELEASE_FORCE_MAX": 60.0,
     "BREAKAWAY_MAX": 40.0,
@@ -475,6 +477,11 @@ def test_stirring_is_counted_beyond_a_quarter_of_the_reach_from_where_it_lately_
     assert of(moved(state(X=0.1 + 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [3.0]
     assert of(moved(state(X=0.1 - 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [3.0]
     assert of(moved(state(X=0.1 + 2.3e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [0.0]
+
+
+def test_a_wide_tolerance_does_not_hide_that_it_stirs() -> None:
+    s = moved(state(X=0.1 + 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0), HOLDING_BAND=25e-6)
+    assert of(s, "MOVING_COUNT") == [3.0]
 
 
 def test_the_anchor_follows_over_the_time_of_lingering() -> None:
