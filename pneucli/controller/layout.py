@@ -35,6 +35,12 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_REST_TIME,  # s: duration of the last rest of the piston
     S_BREAKAWAY_FORCE,  # N: last break-away force beyond the load, and the force that is applied to break away
     S_RELEASE_FORCE,
+    S_ADDED_FRICTION,  # 1: dry friction beyond that of the model over it, learnt at reversals of the reference
+    S_WAY,  # sign of the reference's present way; s: time of sliding along it; N: mean load estimate over that time
+    S_WAY_TIME,
+    S_WAY_LOAD,
+    S_OTHER_TIME,  # the same of the way before it
+    S_OTHER_LOAD,
     S_LAST_SIGN,  # sign of the last error; factor on the ramp rate after overshoots (above 1: full rate)
     S_RAMP_GAIN,
     S_BRAKING_TIME,  # s: remaining braking time of a freed piston
@@ -113,10 +119,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(104)
+) = range(110)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (104 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (110 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s
