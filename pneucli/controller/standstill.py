@@ -21,7 +21,7 @@ State chart (state variable in brackets; "at rest": the reference has rested for
                                 (<= C_DEADBAND_GAIN_MAX)
         -> SLIDING   motion is detected [S_MOVING_COUNT > 0] in the direction of the release force
       SLIDING  first sample after a rest of more than 0.5 C_MOTION_WINDOW: record break-away force and position
-        -> BRAKING   error - stopping distance < 2 C_HOLDING_BAND: release force 0, timer C_MOTION_WINDOW
+        -> BRAKING   error - stopping distance < 2 C_MOTION_STEP: release force 0, timer C_MOTION_WINDOW
                      [S_BRAKING_TIME]
         else slower than C_CLOSING_RATE x error: integrate the error
       BRAKING  the timer runs down
@@ -219,7 +219,7 @@ def drive_sliding_piston(error, factor, s, c):
         force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
         s[S_BREAKAWAY_FORCE] = clamp(math.fabs(force) / factor, 0.5 * c[C_STATIC], c[C_BREAKAWAY_MAX])
         s[S_BREAKAWAY_POSITION] = s[S_X]
-    if (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE]) < 2.0 * c[C_HOLDING_BAND]:
+    if (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE]) < 2.0 * c[C_MOTION_STEP]:
         s[S_RELEASE_FORCE] = 0.0
         s[S_BRAKING_TIME] = c[C_MOTION_WINDOW]
     elif math.fabs(s[S_V]) < c[C_CLOSING_RATE] * math.fabs(error):
