@@ -30,7 +30,8 @@ CLOSING_RATE = 10.0  # 1/s: closing speed per error near a resting reference
 DWELL_RATE_FACTOR = 5.0  # rate of the release force over the rate at which a rest raises break-away
 FAST_RAMP_RATIO = 10.0  # time constants of the pressure loop in which the release force rises by a break-away force
 SLOW_RAMP_RATIO = 400.0  # the same near break-away: the rise within the lag of the loop accelerates the freed piston
-MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
+MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band of the default tolerance
+WITHIN_TOLERANCE = 2.0 / 1.8  # likewise of a wide tolerance: a held piston is let go at 1.8 dead bands
 HELD_SHARE = 0.6  # of break-away, by which a relay test pushes the piston
 BAND_SHARE = 0.5  # of that, the half band of the relay
 BAND_NOISE = 8.0  # standard deviations of the pressure's noise in the half band of a relay test
@@ -97,7 +98,7 @@ def stiction_parameters(
         "C_CLOSING_RATE": CLOSING_RATE,
         "C_ELASTIC_RATE": max(values["C_MASS"] * values["C_KI"], CLOSING_RATE * seal),
         "C_BRAKE_DAMPING": values["C_MASS"] * values["C_KD"],
-        "C_DEADBAND_GAIN_MAX": max(0.5 * MAX_DEADBAND_GAIN * least / band, 1.5),
+        "C_DEADBAND_GAIN_MAX": max(0.5 * MAX_DEADBAND_GAIN * least / band, WITHIN_TOLERANCE),
     }
 
 
