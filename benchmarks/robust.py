@@ -177,7 +177,7 @@ def searched(model: Model, wanted: Requirements, sealed: float | None, is_small:
 
 def designs(model: Model, par: Parameters, is_small: bool) -> tuple[tuple[Controller, Controller], float]:
     """Return the controllers by the rules and from the ensemble, and the probability that the latter promises."""
-    wanted, sealed = requirements(par)
+    wanted, sealed = requirements(par, tolerance=ensemble.REST_LIMIT)
     found = searched(model, wanted, sealed, is_small)
 
     def member(slower: Model) -> Controller:
@@ -196,7 +196,7 @@ def print_promise(asked: argparse.Namespace) -> None:
     for seed in range(asked.seed, asked.seed + asked.seeds):
         par, model, _ = exact_models(seed, "none")
         start = perf_counter()
-        found = searched(model, *requirements(par), asked.small)
+        found = searched(model, *requirements(par, tolerance=ensemble.REST_LIMIT), asked.small)
         proof, spent = found.proof(count[1]), perf_counter() - start
         on_exam = np.array([_on_exam(found, par, k) for k in range(count[0])])
         held = int(np.sum(on_exam.max(axis=1) <= 1.0))
@@ -226,10 +226,13 @@ def _on_exam(found: Searched, par: Parameters, k: int) -> Array:
     return found.test.judged(run.x, run.u)
 
 
-def requirements(par: Parameters, period: float = 1e-3, quantum: float = 1e-6) -> tuple[Requirements, float | None]:
+def requirements(
+    par: Parameters, period: float = 1e-3, quantum: float = 1e-6, tolerance: float | None = None
+) -> tuple[Requirements, float | None]:
     """Return what is asked of an axis of the exam, and the pressure in Pa of a closed chamber 2."""
     closed = par.arrangement == ONE_CHAMBER
-    wanted = Requirements(period=period, quantum_x=quantum, noise_p=400.0, chamber_2="closed" if closed else "valve")
+    chamber_2 = "closed" if closed else "valve"
+    wanted = Requirements(period=period, quantum_x=quantum, noise_p=400.0, chamber_2=chamber_2, tolerance=tolerance)
     return wanted, float(np.sqrt(par.ambient * par.supply)) if closed else None
 
 

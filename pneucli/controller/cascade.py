@@ -64,7 +64,11 @@ def friction_feedforward(s, c):
     if s[S_A_SHAPED] * v < 0.0 and c[C_DECELERATION_RATIO] >= 0.0:
         level = min(level, c[C_COULOMB] * c[C_DECELERATION_RATIO])
     floor = min(c[C_V_FLOOR], 0.01 * c[C_V_MAX])  # the reference has no quantisation
-    return level * dry_friction_factor(s[S_X_SHAPED] + c[C_FRICTION_LEAD] * v, v, s, c) * clamp(v / floor, -1.0, 1.0)
+    return (
+        level
+        * dry_friction_factor(s[S_PREDICTED_X] + c[C_FRICTION_LEAD] * s[S_PREDICTED_V], v, s, c)
+        * clamp(v / floor, -1.0, 1.0)
+    )
 
 
 def position_control(x_ref, s, c):

@@ -35,6 +35,12 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_REST_TIME,  # s: duration of the last rest of the piston
     S_BREAKAWAY_FORCE,  # N: last break-away force beyond the load, and the force that is applied to break away
     S_RELEASE_FORCE,
+    S_ADDED_FRICTION,  # 1: dry friction beyond that of the model over it, learnt at reversals of the reference
+    S_WAY,  # sign of the reference's present way; s: time of sliding along it; N: mean load estimate over that time
+    S_WAY_TIME,
+    S_WAY_LOAD,
+    S_OTHER_TIME,  # the same of the way before it
+    S_OTHER_LOAD,
     S_LAST_SIGN,  # sign of the last error; factor on the ramp rate after overshoots (above 1: full rate)
     S_RAMP_GAIN,
     S_BRAKING_TIME,  # s: remaining braking time of a freed piston
@@ -113,10 +119,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(104)
+) = range(110)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (104 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (110 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s
@@ -167,11 +173,13 @@ S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (104 + i 
     C_RAMP_GROWTH_RATE,  # 1/s: growth rate of the force on an elastic piston that sticks
     C_RELEASE_FORCE_MAX,  # N: largest release force
     C_UNLOADING_RATE,  # 1/s: rate at which the ramp of an elastic piston is unloaded
-    C_CLOSING_RATE,  # 1/s: closing speed of an elastic piston per error
+    C_CLOSING_RATE,  # 1/s: closing speed of an elastic piston per error, N/(s m): rate of its force per error
+    C_ELASTIC_RATE,
     C_BRAKE_DAMPING,  # N s/m: damping near the reference
     C_DEADBAND_GAIN_MAX,  # 1: largest factor on the holding band
     C_MOTION_WINDOW,  # s: time in which motion is detected and a piston is braked
     C_HOLDING_BAND,  # m: error within which the piston is held
+    C_MOTION_STEP,  # m: half of the least motion that the position shows beyond its noise
     C_OBS_X,  # 1, 1/s, N/m: gains of the motion observer for the innovation of position
     C_OBS_V,
     C_OBS_LOAD,
@@ -219,7 +227,7 @@ S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (104 + i 
     C_TABLE_NODES,  # nodes of each inverse table: commands in V at (i / (nodes - 1))^2 of the largest area,
     # filling and venting chamber 1, then chamber 2
     C_TABLE,
-) = range(99)
+) = range(101)
 
 _DELAY_LINES = ("S_OPENING_LINE1", "S_OPENING_LINE2", "S_PRESSURE_LINE1", "S_PRESSURE_LINE2")
 STATE = (
@@ -250,7 +258,7 @@ UNITS = {
     "C_U_MAX": "V",
     "C_MASS": "kg",
     **dict.fromkeys(("C_AREA_1", "C_AREA_2", "C_AREA_FILL", "C_AREA_VENT", "C_AREA_FILL_2", "C_AREA_VENT_2"), "m^2"),
-    **dict.fromkeys(("C_STROKE", "C_HOLDING_BAND"), "m"),
+    **dict.fromkeys(("C_STROKE", "C_HOLDING_BAND", "C_MOTION_STEP"), "m"),
     **dict.fromkeys(("C_DEAD_VOLUME_1", "C_DEAD_VOLUME_2"), "m^3"),
     **dict.fromkeys(("C_AMBIENT", "C_SUPPLY", "C_P_LOW", "C_P_HIGH", "C_P_MEAN", "C_PRESSURE_BAND"), "Pa"),
     "C_GAMMA_R_T": "J/kg",
@@ -263,7 +271,7 @@ UNITS = {
     **dict.fromkeys(("C_KP", "C_P_KI"), "1/s^2"),
     **dict.fromkeys(("C_KD", "C_P_KP", "C_OBS_V", "C_OBS_FLOW", "C_SECTOR_1", "C_SECTOR_2"), "1/s"),
     "C_KI": "1/s^3",
-    "C_RAMP_RATE_PER_ERROR": "N/(s m)",
+    **dict.fromkeys(("C_RAMP_RATE_PER_ERROR", "C_ELASTIC_RATE"), "N/(s m)"),
     "C_AIR_STIFFNESS": "N/m",
     "C_LEVEL_RATE": "Pa/s",
     **dict.fromkeys(("C_RAMP_RATE_MIN", "C_RAMP_RATE_MAX"), "N/s"),

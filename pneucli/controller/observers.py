@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import clamp, is_plausible, net_force, speed_after
+from pneucli.controller.plant import clamp, dry_friction_factor, is_plausible, net_force, sign, speed_after
 from pneucli.controller.standstill import detect_motion, load_observable
 from pneucli.controller.valve_dynamics import (
     apply_valve_dynamics,
@@ -139,6 +139,38 @@ def observe_motion(x, s, c):
             s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP_MAX], c[C_LOAD_STEP_MAX])
     else:
         s[S_UNSEEN] += 1.0
+    learn_friction(s, c)
+
+
+def learn_friction(s, c):
+    """Learn dry friction where the reference reverses: half of what the load differs by on both ways is friction.
+
+    The load of a way is its mean while the piston slides beyond what seals give way, for a motion window at least. A
+    rest of the reference, in which a load may come or go, parts the ways. A load that acts on one way alone is taken
+    for friction and load, which together fit both ways.
+    """
+    way = sign(s[S_V_SHAPED])
+    if s[S_REF_REST_TIME] > 0.05:
+        s[S_WAY_TIME] = -c[C_MOTION_WINDOW]
+        s[S_OTHER_TIME] = 0.0
+    if way * s[S_WAY] < 0.0:
+        least = min(s[S_WAY_TIME], s[S_OTHER_TIME])
+        if least > c[C_MOTION_WINDOW] and c[C_COULOMB] > 0.0:
+            last = dry_friction_factor(s[S_X], s[S_WAY], s, c)
+            more = 0.5 * s[S_WAY] * (s[S_OTHER_LOAD] - s[S_WAY_LOAD]) / (c[C_COULOMB] * max(last, 1.0))
+            s[S_ADDED_FRICTION] = clamp((1.0 + s[S_ADDED_FRICTION]) * (1.0 + more), 0.5, 2.0) - 1.0
+            known = s[S_WAY] * c[C_COULOMB] * (dry_friction_factor(s[S_X], s[S_WAY], s, c) - last)
+            s[S_LOAD] += known
+            s[S_WAY_LOAD] += known
+        s[S_OTHER_LOAD] = s[S_WAY_LOAD]
+        s[S_OTHER_TIME] = s[S_WAY_TIME]
+        s[S_WAY_TIME] = -c[C_MOTION_WINDOW]
+    if way != 0.0:
+        s[S_WAY] = way
+    if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] and s[S_V] * way > c[C_V_FLOOR]:
+        s[S_WAY_TIME] += c[C_PERIOD]
+        if s[S_WAY_TIME] > 0.0:
+            s[S_WAY_LOAD] += (s[S_LOAD] - s[S_WAY_LOAD]) * min(c[C_PERIOD] / s[S_WAY_TIME], 1.0)
 
 
 def reset_prediction(s):

@@ -39,9 +39,9 @@ def stroke_table(x, table: int, c):
 
 
 def dry_friction_factor(x, direction, s, c):
-    """Return the factor on dry friction at x (m) toward ``direction``: position and pressure dependence."""
+    """Return the factor on dry friction at x (m) toward ``direction``: position, pressures, what was learnt."""
     pressed = c[C_DRY_P1] * (s[S_P1] - c[C_AMBIENT]) + c[C_DRY_P2] * (s[S_P2] - c[C_AMBIENT])
-    return max(stroke_table(x, 0 if direction > 0.0 else 1, c) * (1.0 + pressed), 0.0)
+    return max(stroke_table(x, 0 if direction > 0.0 else 1, c) * (1.0 + pressed), 0.0) * (1.0 + s[S_ADDED_FRICTION])
 
 
 def dry_friction(speed, s, c):

@@ -21,7 +21,7 @@ State chart (state variable in brackets; "at rest": the reference has rested for
                                 (<= C_DEADBAND_GAIN_MAX)
         -> SLIDING   motion is detected [S_MOVING_COUNT > 0] in the direction of the release force
       SLIDING  first sample after a rest of more than 0.5 C_MOTION_WINDOW: record break-away force and position
-        -> BRAKING   error - stopping distance < 2 C_HOLDING_BAND: release force 0, timer C_MOTION_WINDOW
+        -> BRAKING   error - stopping distance < 2 C_MOTION_STEP: release force 0, timer C_MOTION_WINDOW
                      [S_BRAKING_TIME]
         else slower than C_CLOSING_RATE x error: integrate the error
       BRAKING  the timer runs down
@@ -29,12 +29,12 @@ State chart (state variable in brackets; "at rest": the reference has rested for
                      shorten by 30 % widens the dead band by up to a half, toward half that jump, or to it where the
                      error was turned round rather than reduced
     elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
-      entered  at rest, excursion > 2 C_HOLDING_BAND under a peak force < 0.5 Coulomb friction; out of HOLD
+      entered  at rest, excursion > 2 C_MOTION_STEP under a peak force < 0.5 Coulomb friction; out of HOLD
                while the air's force rises along it by 1.5 Coulomb friction in C_PRESLIDING_DISTANCE (detect_motion)
       left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1)
       PRESSURES LAG  keep the force          STICKING  the force grows exponentially [S_FORCE_RAMP]
       RETURNING      unload the ramp         MOVING    integrate the predicted stopping error
-      each reversal after > 2 C_HOLDING_BAND: loop gain x 0.7 (>= 0.05); each overshoot: dead-band gain x 1.5
+      each reversal after > 2 C_MOTION_STEP: loop gain x 0.7 (>= 0.05); each overshoot: dead-band gain x 1.5
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
@@ -72,13 +72,13 @@ def detect_motion(force, s, c):
     softest seal asks, is of a load. ``force`` is the net force in N without friction.
     """
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
-    s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_HOLDING_BAND] else 0.0
+    s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_MOTION_STEP] else 0.0
     if s[S_MOVING_COUNT] < 0.5:
         s[S_REST_TIME] += c[C_PERIOD]
     elif s[S_MOVING_COUNT] > 1.5:
         s[S_REST_TIME] = 0.0
     if s[S_EXCURSION] * s[S_V] <= 0.0:
-        if s[S_ELASTIC] > 0.5 and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
+        if s[S_ELASTIC] > 0.5 and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
             s[S_LOOP_GAIN] = max(0.7 * s[S_LOOP_GAIN], 0.05)
         s[S_EXCURSION] = 0.0
         s[S_PEAK_FORCE] = 0.0
@@ -90,7 +90,7 @@ def detect_motion(force, s, c):
     bent = (force - s[S_LOAD] - s[S_FIRST_FORCE]) * sign(s[S_EXCURSION]) * c[C_PRESLIDING_DISTANCE]
     loaded = s[S_FROM_HOLD] > 0.5 and bent < 1.5 * friction * math.fabs(s[S_EXCURSION])
     held = s[S_PEAK_FORCE] < 0.5 * friction and not loaded
-    if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_HOLDING_BAND]:
+    if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
         s[S_ELASTIC] = 1.0
     if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
         s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
@@ -219,7 +219,7 @@ def drive_sliding_piston(error, factor, s, c):
         force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
         s[S_BREAKAWAY_FORCE] = clamp(math.fabs(force) / factor, 0.5 * c[C_STATIC], c[C_BREAKAWAY_MAX])
         s[S_BREAKAWAY_POSITION] = s[S_X]
-    if (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE]) < 2.0 * c[C_HOLDING_BAND]:
+    if (error - stopping_distance(s, c)) * sign(s[S_RELEASE_FORCE]) < 2.0 * c[C_MOTION_STEP]:
         s[S_RELEASE_FORCE] = 0.0
         s[S_BRAKING_TIME] = c[C_MOTION_WINDOW]
     elif math.fabs(s[S_V]) < c[C_CLOSING_RATE] * math.fabs(error):
@@ -300,7 +300,7 @@ def drive_elastic_piston(error, s, c):
         widen_by_half(s, c)
         s[S_FORCE_RAMP] = 0.0
     s[S_LAST_SIGN] = sign(error)
-    rate = c[C_MASS] * c[C_KI] * math.fabs(stopping_error)
+    rate = c[C_ELASTIC_RATE] * math.fabs(stopping_error)
     if pressure_loop_lags(s, c):
         rate = 0.0
     elif s[S_MOVING_COUNT] < 0.5:

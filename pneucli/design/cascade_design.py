@@ -30,7 +30,8 @@ CLOSING_RATE = 10.0  # 1/s: closing speed per error near a resting reference
 DWELL_RATE_FACTOR = 5.0  # rate of the release force over the rate at which a rest raises break-away
 FAST_RAMP_RATIO = 10.0  # time constants of the pressure loop in which the release force rises by a break-away force
 SLOW_RAMP_RATIO = 400.0  # the same near break-away: the rise within the lag of the loop accelerates the freed piston
-MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band
+MAX_DEADBAND_GAIN = 10.0  # largest dead band over the holding band of the default tolerance
+WITHIN_TOLERANCE = 2.0 / 1.8  # likewise of a wide tolerance: a held piston is let go at 1.8 dead bands
 HELD_SHARE = 0.6  # of break-away, by which a relay test pushes the piston
 BAND_SHARE = 0.5  # of that, the half band of the relay
 BAND_NOISE = 8.0  # standard deviations of the pressure's noise in the half band of a relay test
@@ -42,15 +43,13 @@ PRESSURE_MARGIN = (
 )
 
 
-def _presliding_distance(values: Mapping[str, float], stiffness: float) -> float:
-    """Return the largest elastic excursion of the seals in m: 1.5 times Coulomb friction over their stiffness.
+def _soft_seal(values: Mapping[str, float]) -> float:
+    """Return the stiffness in N/m of soft seals before the piston slides.
 
-    >>> axis = {"C_COULOMB": 20.0, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5, "C_STROKE": 0.2}
-    >>> _presliding_distance(axis, stiffness=6e4)
-    0.0005
+    >>> round(_soft_seal({"C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5, "C_STROKE": 0.2}), 6)
+    28800.0
     """
-    supply_force = values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"])
-    return 1.5 * values["C_COULOMB"] / (stiffness or SEAL_STIFFNESS * supply_force / values["C_STROKE"])
+    return SEAL_STIFFNESS * values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]) / values["C_STROKE"]
 
 
 def stiction_parameters(
@@ -68,17 +67,19 @@ def stiction_parameters(
         bandwidths: Corner frequencies in rad/s.
         values: Parameters of the axis and of the loops by name (SI).
         requirements: ``tolerance``, by default 10 um, two quanta or four sigma of the position sensor.
-        stiffness: Presliding stiffness in N/m, 0 without a value.
+        stiffness: Presliding stiffness in N/m, 0 without a value: that of soft seals.
         dwell: Growth of break-away with the time at rest.
 
     """
     static = values["C_STATIC"]
-    tolerance = requirements.tolerance or max(10e-6, 2.0 * requirements.quantum_x, 4.0 * requirements.noise_x)
-    band = 0.5 * tolerance
+    least = max(10e-6, 2.0 * requirements.quantum_x, 4.0 * requirements.noise_x)
+    band = 0.5 * (requirements.tolerance or least)
     slope = min(0.2 / requirements.period, bandwidths.pressure / 5.0)
+    seal = stiffness or _soft_seal(values)
     slow = bandwidths.pressure / SLOW_RAMP_RATIO * static  # N/s
     return {
         "C_HOLDING_BAND": band,
+        "C_MOTION_STEP": 0.5 * least,
         "C_V_FLOOR": max(2.0 * requirements.quantum_x / requirements.period, 0.01 * values["C_V_MAX"]),
         "C_MOTION_WINDOW": 6.0 / bandwidths.pressure,
         "C_SECTOR_1": slope / requirements.sector_ratio,
@@ -89,14 +90,15 @@ def stiction_parameters(
         "C_BREAKAWAY_MAX": static if dwell.initial_rate > 0.0 else 2.0 * static,
         "C_PRESSURE_BAND": 0.1 * static / values["C_AREA_1"],
         "C_LOAD_STEP_MAX": max(0.25 * static, 0.01 * values["C_AREA_1"] * values["C_SUPPLY"]),
-        "C_PRESLIDING_DISTANCE": _presliding_distance(values, stiffness),
+        "C_PRESLIDING_DISTANCE": 1.5 * values["C_COULOMB"] / seal,  # the largest elastic excursion
         "C_RAMP_GROWTH_RATE": bandwidths.pressure / 6.0,
         "C_RELEASE_FORCE_MAX": 3.0 * static * dwell.max_factor
         + values["C_AREA_1"] * (values["C_SUPPLY"] - values["C_AMBIENT"]),
         "C_UNLOADING_RATE": bandwidths.pressure / 5.0,
         "C_CLOSING_RATE": CLOSING_RATE,
+        "C_ELASTIC_RATE": max(values["C_MASS"] * values["C_KI"], CLOSING_RATE * seal),
         "C_BRAKE_DAMPING": values["C_MASS"] * values["C_KD"],
-        "C_DEADBAND_GAIN_MAX": MAX_DEADBAND_GAIN,
+        "C_DEADBAND_GAIN_MAX": max(0.5 * MAX_DEADBAND_GAIN * least / band, WITHIN_TOLERANCE),
     }
 
 

@@ -50,6 +50,7 @@ ROUND = {
     "RAMP_RATE_MAX": 500.0,
     "MOTION_WINDOW": 0.02,
     "HOLDING_BAND": 1e-5,
+    "MOTION_STEP": 1e-5,
     "OBS_X": 0.5,
     "OBS_V": 100.0,
     "OBS_LOAD": 1e5,
@@ -96,6 +97,7 @@ ROUND = {
     "RAMP_GROWTH_RATE": 10.0,
     "UNLOADING_RATE": 50.0,
     "CLOSING_RATE": 10.0,
+    "ELASTIC_RATE": 4e4,
     "BRAKE_DAMPING": 100.0,
     "RELEASE_FORCE_MAX": 60.0,
     "BREAKAWAY_MAX": 40.0,
@@ -477,6 +479,58 @@ def test_stirring_is_counted_beyond_a_quarter_of_the_reach_from_where_it_lately_
     assert of(moved(state(X=0.1 + 2.3e-6, ANCHOR=0.1, MOVING_COUNT=2.0)), "MOVING_COUNT") == [0.0]
 
 
+def test_a_wide_tolerance_does_not_hide_that_it_stirs() -> None:
+    s = moved(state(X=0.1 + 2.7e-6, ANCHOR=0.1, MOVING_COUNT=2.0), HOLDING_BAND=25e-6)
+    assert of(s, "MOVING_COUNT") == [3.0]
+
+
+def slid(s: np.ndarray, way: float, load: float, **given: float) -> np.ndarray:
+    """Let the piston slide one way for 0.2 s under this load estimate in N, beyond what seals give way."""
+    known = {"V_SHAPED": 0.1 * way, "V": 0.1 * way, "EXCURSION": 1e-3 * way, "LOAD": load} | given
+    for _ in range(200):
+        for name, value in known.items():
+            s[at.STATE.index(f"S_{name}")] = value
+        observers.learn_friction(s, C)
+    return s
+
+
+def turned(s: np.ndarray, way: float) -> np.ndarray:
+    s[at.STATE.index("S_V_SHAPED")] = way
+    observers.learn_friction(s, C)
+    return s
+
+
+@pytest.mark.parametrize(
+    ("up", "back", "known", "added", "load"),
+    [
+        (-4.0, 4.0, 0.0, 0.4, 0.0),  # of 10 N
+        (3.0, -3.0, 0.0, -0.3, 0.0),
+        (5.0, 5.0, 0.0, 0.0, 5.0),  # a load
+        (-1.0, 7.0, 0.0, 0.4, 3.0),  # both
+        (-40.0, 40.0, 0.0, 1.0, 30.0),  # no more than twice
+        (9.0, -9.0, 0.0, -0.5, -4.0),  # no less than half
+        (-3.5, 3.5, 0.4, 0.75, 0.0),  # beyond what it had learnt
+    ],
+)
+def test_what_holds_back_on_both_ways_is_friction_that_the_model_lacks(
+    up: float, back: float, known: float, added: float, load: float
+) -> None:
+    s = turned(slid(slid(state(ADDED_FRICTION=known), 1.0, up), -1.0, back), 1.0)
+    assert of(s, "ADDED_FRICTION", "LOAD") == pytest.approx([added, load])
+
+
+def test_friction_is_learnt_from_slides_alone_that_no_rest_parts() -> None:
+    slow, seals, rest = {"V": 1e-3}, {"EXCURSION": 4e-4}, {"REF_REST_TIME": 0.1}
+    for given in (slow, seals, rest):
+        s = turned(slid(slid(state(), 1.0, -4.0, **given), -1.0, 4.0, REF_REST_TIME=0.0), 1.0)
+        assert of(s, "ADDED_FRICTION", "LOAD") == [0.0, 4.0]
+
+
+def test_learnt_friction_scales_all_dry_friction() -> None:
+    s = state(ADDED_FRICTION=0.5)
+    assert plant.dry_friction_factor(0.1, 1.0, s, C) == pytest.approx(1.5)
+
+
 def test_the_anchor_follows_over_the_time_of_lingering() -> None:
     assert of(moved(state(X=0.12, ANCHOR=0.1)), "ANCHOR") == pytest.approx([0.1 + 0.02 / 20])
     assert of(moved(state(X=0.12, ANCHOR=0.1), MOTION_WINDOW=1e-4), "ANCHOR") == pytest.approx([0.12])
@@ -689,11 +743,14 @@ def test_near_breaking_away_is_what_the_force_comes_to_when_a_command_arrives() 
     assert of(s, "RELEASE_FORCE") == pytest.approx([0.1])
 
 
-def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference() -> None:
-    """It coasts 1 mm; within twice the reach of 10 um of that its force is taken away."""
+@pytest.mark.parametrize("band", [10e-6, 25e-6])
+def test_a_freed_piston_is_let_go_where_it_coasts_to_its_reference(band: float) -> None:
+    """It coasts 1 mm; within 20 um of that its force is taken away, however wide the tolerance."""
+    coasting = COASTING.copy()
+    coasting[at.C_HOLDING_BAND] = band
     s = {"V": 0.1, "force": 0.0, "RELEASE_FORCE": 15.0, "MOVING_COUNT": 2.0, "BREAKAWAY_FORCE": 10.0}
     for error, kept in ((1.03e-3, 15.0), (1.01e-3, 0.0), (-1e-3, 0.0)):
-        standstill.breakaway_ramp(error, found := balanced(**s), COASTING)
+        standstill.breakaway_ramp(error, found := balanced(**s), coasting)
         assert of(found, "RELEASE_FORCE") == [kept]
         assert of(found, "BRAKING_TIME") == pytest.approx([0.0 if kept else COASTING[at.C_MOTION_WINDOW]])
 
@@ -872,6 +929,16 @@ def test_friction_in_proportion_to_the_speed_is_that_of_when_the_force_arrives()
 def test_a_loop_that_swung_is_less_firm() -> None:
     firm, soft = (asked(0.15, REF_REST_TIME=0.06, LOOP_GAIN=soft, ELASTIC=1.0, V=0.0)[0] for soft in (1.0, 0.5))
     assert firm - soft == pytest.approx(0.5 * 2.0 * (60.0 * 0.02 + 900.0 * 1e-4))
+
+
+@pytest.mark.parametrize("x", [0.04, 0.1])
+def test_friction_ahead_is_that_of_where_the_piston_is(x: float) -> None:
+    """Friction grows from one to threefold along the stroke of 0.2 m; the reference is ahead by 60 mm."""
+    c = settings(FRICTION_LEAD=0.01)
+    first = len(c) - len(ALONG)
+    c[first + 1] = 3.0
+    s = state(X=x, X_SHAPED=x + 0.06, V_SHAPED=0.02, V=0.02, BREAKAWAY_FORCE=10.0)
+    assert cascade.friction_feedforward(s, c) == pytest.approx(10.0 * (1.0 + 2.0 * (x + 2e-4) / 0.2))
 
 
 @pytest.mark.parametrize(("v", "share"), [(1e-3, 0.5), (-1e-3, -0.5), (4e-3, 1.0), (-4e-3, -1.0)])

@@ -229,7 +229,7 @@ def test_a_closed_chamber_2_is_an_isentropic_spring(x: float) -> None:
 
 KNOWN = {
     "C_STATIC": 20.0, "C_COULOMB": 16.0, "C_V_MAX": 0.5, "C_AREA_1": 8e-4, "C_SUPPLY": 7e5, "C_AMBIENT": 1e5,
-    "C_STROKE": 0.2, "C_MASS": 2.0, "C_KD": 30.0,
+    "C_STROKE": 0.2, "C_MASS": 2.0, "C_KD": 30.0, "C_KI": 1e4,
 }  # fmt: skip
 
 
@@ -247,6 +247,13 @@ def test_the_tolerance_is_what_the_sensor_can_tell(wanted: dict[str, float], tol
     assert found["C_RAMP_RATE_PER_ERROR"] == pytest.approx(
         5.0 / (5.0 * 0.5 * tolerance)
     )  # the slow pace, five reaches off
+    least = tolerance if "tolerance" not in wanted else max(1e-5, 4.0 * wanted["noise_x"])
+    assert found["C_MOTION_STEP"] == pytest.approx(0.5 * least)
+
+
+@pytest.mark.parametrize(("tolerance", "gain"), [(None, 10.0), (2e-5, 5.0), (2e-4, 1.0 / 0.9)])
+def test_a_dead_band_grows_as_far_whatever_the_tolerance_or_to_it(tolerance: float | None, gain: float) -> None:
+    assert still(tolerance=tolerance)["C_DEADBAND_GAIN_MAX"] == pytest.approx(gain)
 
 
 def test_forces_at_standstill_are_multiples_of_the_breakaway_force() -> None:
@@ -435,3 +442,10 @@ def test_what_is_elastic_gives_way_by_what_dry_friction_bends_it() -> None:
         "C_PRESLIDING_DISTANCE"
     ] == pytest.approx(6e-4)
     assert still()["C_PRESLIDING_DISTANCE"] == pytest.approx(24.0 / (12.0 * 8e-4 * 6e5 / 0.2))
+
+
+def test_the_force_on_a_seal_closes_an_error_at_the_closing_rate_or_faster_by_the_integral() -> None:
+    """10 1/s of the stiffness, or 2 kg of the integral gain in 1/s^3."""
+    for stiffness, gain, rate in ((4e4, 1e4, 4e5), (0.0, 1e4, 10.0 * 28800.0), (4e4, 3e5, 6e5)):
+        found = stiction_parameters(CORNERS, KNOWN | {"C_KI": gain}, PLAIN, stiffness, DwellStrengthening(1.0, 0.0))
+        assert found["C_ELASTIC_RATE"] == pytest.approx(rate)
