@@ -76,7 +76,7 @@ TWINCAT = Format(
     "TwinCAT scope (text)",
     open_twincat,
     recognises=_is_twincat,
-    used="name, unit and sample time of each channel",
+    used="unit and sample time",
 )
 
 
@@ -101,5 +101,5 @@ TEKTRONIX = Format(
     open_tektronix,
     recognises=_is_tektronix,
     column="the name of the source",
-    used="units and the name of the source",
+    used="units",
 )
