@@ -12,6 +12,7 @@ from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.constraints import (
+    IMPOSSIBLE,
     MIN_ERROR_RISE,
     error_ratio,
     raises_error_beyond_noise,
@@ -228,12 +229,14 @@ def _without_improbable(data: DiagnosisData, path: Sequence[FittedModel]) -> Kep
     """Drop improbable effects from the last model of the path.
 
     A proxy that was added last may take what an earlier effect explains, and be dropped after it. So effects are also
-    dropped from an earlier model of the path that costs less than what is left, and the lower cost counts.
+    dropped from an earlier model of the path that costs less than what is left, and the lower cost counts; but from
+    none with an effect that was impossible beside the later ones: that one was the proxy.
     """
     known, first_fits = {frozenset(one.effect_names): one for one in path}, set[frozenset[str]]()
     kept = _without_some(data, path, known, first_fits)
+    refuted = {j.decision.effect.name for j in kept.refused if j.decision.reason in IMPOSSIBLE}
     for end in range(len(path) - 1, 1, -1):
-        if path[end - 1].cost < kept.last.cost:
+        if path[end - 1].cost < kept.last.cost and refuted.isdisjoint(path[end - 1].effect_names):
             other = _without_some(data, path[:end], known, first_fits)
             kept = _with_refused(other, kept.refused) if other.last.cost < kept.last.cost else kept
     return kept

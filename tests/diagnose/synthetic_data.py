@@ -56,6 +56,7 @@ class Facts:
             of its parts that is, and the other effects alone.
         predicted: Share that the score test predicts for an effect, where it is not what the effect explains.
         size: Size of an effect over its typical size, 1 where it is not stated; its bound where ``at_bound`` has it.
+        at_bound_with: The effect beside which an effect is at its bound.
         interval: Factor on the standard errors of an effect's interval.
         raises_error: Effects that raise the free-run error tenfold.
         raises_error_without: The effect without which an effect does.
@@ -68,6 +69,7 @@ class Facts:
     predicted: Mapping[str, float] = field(default_factory=dict)
     size: Mapping[str, float] = field(default_factory=dict)
     at_bound: frozenset[str] = frozenset()
+    at_bound_with: Mapping[str, str] = field(default_factory=dict)
     interval: Mapping[str, float] = field(default_factory=dict)
     raises_error: frozenset[str] = frozenset()
     raises_error_without: Mapping[str, str] = field(default_factory=dict)
@@ -118,7 +120,7 @@ class SyntheticData(DiagnosisData):
 
     def _fit(self, names: Sequence[str]) -> Fit:
         effects = [self.effects[name] for name in names]
-        values = {f"{e.name}.{p.name}": self._value(e) for e in effects for p in e.parameters}
+        values = {f"{e.name}.{p.name}": self._value(e, names) for e in effects for p in e.parameters}
         model = Model(RIG, tuple(effects), FRICTION | values, VALVE)
         facts = rig_quantities(model, [RESIDUAL_MODEL.experiment])
         free = [f for e in effects for f in effect_parameters(e, model, facts)]
@@ -136,8 +138,9 @@ class SyntheticData(DiagnosisData):
         estimates = parameter_estimates(free, model, covariance)
         return Fit(model, tuple(free), estimates, residual, jacobian, blocks, covariance, 0.0, ())
 
-    def _value(self, one: Effect) -> float:
-        return LARGEST if one.name in self.facts.at_bound else self.facts.size.get(one.name, 1.0)
+    def _value(self, one: Effect, names: Sequence[str]) -> float:
+        at_bound = one.name in self.facts.at_bound or self.facts.at_bound_with.get(one.name) in names
+        return LARGEST if at_bound else self.facts.size.get(one.name, 1.0)
 
     def with_intervals(self, fitted: FittedModel) -> Fit:
         fit = fitted.fit
