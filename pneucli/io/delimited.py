@@ -240,13 +240,16 @@ class DelimitedReader(Reader):
 
         Any other odd row is an error.
         """
-        lines = [line for line in stream.last_rows() if not self._event(line)]
-        last = [self._fields(line) for line in lines[-len(self._bad) :]]
+        rows = stream.last_rows()
+        readings = [n for n, line in enumerate(rows) if not self._event(line)][-len(self._bad) :]
+        last = [self._fields(rows[n]) for n in readings]
         if last != [self._fields(row) for row in self._bad]:
             raise self._first_fault(asks, "")
         if last[0][0] and not is_value(last[0][0]):
-            message = f'{len(last)} lines behind the rows, from "{last[0][0]}" on, were passed over'
-            self.repairs.append(Repair("", "trailer", len(last), message))
+            behind = rows[readings[0] :]
+            self._events -= Counter(map(self._event, behind))
+            message = f'{len(behind)} lines behind the rows, from "{last[0][0]}" on, were passed over'
+            self.repairs.append(Repair("", "trailer", len(behind), message))
             return
         if len(last) > 1 or len(last[0]) >= len(self.names):
             raise self._first_fault(asks, "")
