@@ -226,12 +226,12 @@ class PipelineData:
     def guess(self) -> Model:
         """The model that a fit starts from; the same for every stage, to the last digit, so that they fit one model.
 
-        Raises InputError where there is no training recording.
+        Raises InputError where no training recording has a reading to fit.
         """
-        train = [e for e in self.experiments if e.recording.use == "train"]
-        if not train:
+        if not self.residual_models("train"):
             where, wanted = f"{self.context.path}, key recordings", 'at least one with use = "train"'
             raise InputError(where, "no recording to train on", wanted, code="E061")
+        train = [e for e in self.experiments if e.recording.use == "train"]
         return guess_base_model(train, self.rig, self.valve)
 
     def residual_models(self, use: str) -> list[ResidualModel]:
