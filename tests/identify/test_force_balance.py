@@ -51,6 +51,30 @@ def test_at_rest_the_residual_is_the_force_beyond_static_friction(force: float, 
     assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.2)
 
 
+@pytest.mark.parametrize(("force", "left"), [(10.0, 0.0), (-13.0, 0.0), (20.0, 6.0)])
+def test_bristles_at_rest_take_the_deflection_that_the_force_tells(force: float, left: float) -> None:
+    """Not the position: a micrometre of its noise is as much as 1 N here. A rigid contact says the same at rest."""
+    read = 0.1 + 1e-6 * np.random.default_rng(0).standard_normal(TIME.size)
+    elastic = model(["presliding"], {"presliding.stiffness": 1e6, "presliding.damping": 0.0})
+    found = pushed(force, x=read).residual(elastic)["force"]
+    assert found[INSIDE] == pytest.approx(np.full(961, left), abs=0.2)
+
+
+def test_bristles_slide_off_from_the_deflection_at_rest() -> None:
+    """From 10 N at rest to 14 N while sliding 1 mm/s: 4 N by 4 um, of which dry friction lets exp(-s / 14 um) remain."""
+    slides = TIME > 0.5
+    distance = 1e-3 * np.maximum(TIME - 0.5, 0.0)
+    force = np.where(slides, 14.0 + 45.0 * 1e-3, 10.0)
+    p1 = RIG.ambient_pressure + force / AREA_1
+    signals = {"p1": p1, "p2": RIG.ambient_pressure, "x": 0.1 + distance, "v": np.where(slides, 1e-3, 0.0)}
+    view = ForceBalance(with_noise(make_experiment("friction", TIME, signals)))
+    elastic = model(["presliding"], {"presliding.stiffness": 1e6, "presliding.damping": 0.0})
+    found, expected = view.residual(elastic)["force"], 4.0 * np.exp(-distance / 14e-6)
+    sure = slides & (found != 0.0)
+    assert np.count_nonzero(sure & (expected > 0.4)) > 10
+    assert found[sure] == pytest.approx(expected[sure], abs=0.1)
+
+
 def test_acceleration_is_a_force_of_the_mass() -> None:
     """3 m/s^2 of 2.2 kg while sliding, read by an accelerometer, or differentiated from the velocity."""
     v = 0.1 + 3.0 * TIME

@@ -138,14 +138,18 @@ def run_balance(
         branch, between = mean_clipped_drive(drive, falling, rising, spread)
         if v != 0.0:
             back[k] = rough[read]
-        if stiffness > 0.0:
+        if stiffness > 0.0 and not resting:
             z, held = bristle_force(z, x - inputs[max(k - 1, 0), IN_X], h, max(branch, 1e-9), stiffness, th, on)
             out[k] = friction - held - c * v
+            rest = 0.0
             continue
         if v == 0.0:
-            over = abs(friction) - rising * static_factor(rest, th, on) - c * speed
+            held = rising * static_factor(rest, th, on)
+            over = abs(friction) - held - c * speed
             rest += h
             out[k] = direction * (over if leaving[k] * direction > 0.0 else max(over, 0.0))
+            if stiffness > 0.0:  # the force tells the deflection far better than the position
+                z = min(max(friction, -held), held) / stiffness
             continue
         rest = 0.0
         gap[k], width[k] = between, gain * (rising - falling)

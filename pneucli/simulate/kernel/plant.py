@@ -7,6 +7,7 @@ step. The export translates it to C (:mod:`pneucli.export.fmu`).
 import math
 
 from pneucli.physics.gas import flow_constant
+from pneucli.simulate.kernel.friction import measured_deflection
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
@@ -25,6 +26,7 @@ from pneucli.simulate.kernel.step import (
     chamber_2_step,
     piston_acceleration,
     piston_step,
+    pushing_force,
     steps_between,
     valve_step,
 )
@@ -112,6 +114,10 @@ def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
     if int(flags[CHAMBER_2]) == OPEN:
         p2 = base[AMBIENT]
     s[AT_X], s[AT_V], s[AT_P1], s[AT_P2], s[AT_END_1], s[AT_END_2] = x, start[START_V], p1, p2, p1, p2
+    stiffness = bristle_stiffness(th, on)
+    if stiffness > 0.0:
+        push = pushing_force(x, s[AT_V], p1, p2, 0.0, base, th, on)
+        s[AT_Z] = measured_deflection(s[AT_V], push, x, p1, p2, stiffness, base, th, on)
     s[AT_T1] = s[AT_T2] = base[TEMP]
     dead_1, dead_2 = dead_volumes(int(flags[CHAMBER_2]), base, th, on)
     s[AT_M1] = p1 * (dead_1 + base[AREA_1] * x) / (base[GAS] * base[TEMP])

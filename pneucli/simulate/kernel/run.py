@@ -4,6 +4,7 @@ import math
 
 from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.arrays import fixed, new_array, new_copy
+from pneucli.simulate.kernel.friction import measured_deflection
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
@@ -22,6 +23,7 @@ from pneucli.simulate.kernel.step import (
     chamber_2_step,
     piston_acceleration,
     piston_step,
+    pushing_force,
     steps_between,
     valve_step,
 )
@@ -193,8 +195,10 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
     T1 = T2 = base[TEMP]
     k1 = k2 = k_gas
     first = segment = 0
+    still = 0.0
     for k in range(n):
         last = k == n - 1
+        still = still + time[k] - time[max(k - 1, 0)] if inputs[k, IN_V] == 0.0 else 0.0
         nxt = k if last else k + 1
         dt = h_max if last else time[nxt] - time[k]
         fresh = segment < restarts.size and k == restarts[segment]
@@ -210,6 +214,10 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             p2 = p_amb
         if fresh:
             dp1 = dp2 = dv = 0.0
+            rest = still
+            if stiffness > 0.0 and mechanics:
+                push = pushing_force(x, v, p1, p2, inputs[k, IN_FORCE], base, th, on)
+                z = measured_deflection(v, push, x, p1, p2, stiffness, base, th, on)
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1

@@ -54,6 +54,12 @@ def steps_between(t, t_next, h_max):
     return max(math.ceil((t_next - t) / h_max - 1e-9), 1)
 
 
+def pushing_force(x, v, p1, p2, driven, base, th, on):
+    """Return all forces on the piston but friction in N; the arguments are those of :func:`piston_step`."""
+    area_1, area_2 = base[AREA_1], base[AREA_2]
+    return area_1 * p1 - area_2 * p2 - (area_1 - area_2) * base[AMBIENT] + driven + force(x, v, base[STROKE], th, on)
+
+
 def piston_step(x, v, z, rest, dv, p1, p2, driven, h, m, stiffness, base, th, on):
     """Advance the piston by a step within the ends of its stroke.
 
@@ -76,10 +82,9 @@ def piston_step(x, v, z, rest, dv, p1, p2, driven, h, m, stiffness, base, th, on
     Returns:
         Position in m, velocity in m/s, deflection in m, and the time at rest in s.
     """
-    area_1, area_2, lower, upper = base[AREA_1], base[AREA_2], base[LOWER_END], base[UPPER_END]
+    lower, upper = base[LOWER_END], base[UPPER_END]
     v_guess = v + 0.5 * dv if (v + 0.5 * dv) * v > 0.0 else v
-    push = area_1 * p1 - area_2 * p2 - (area_1 - area_2) * base[AMBIENT] + driven
-    push += force(x + 0.5 * h * v, v_guess, base[STROKE], th, on)
+    push = pushing_force(x + 0.5 * h * v, v_guess, p1, p2, driven, base, th, on)
     v_old, rest_old = v, rest
     if stiffness > 0.0:
         x, v, z = slide_on_bristles(x, v, z, dv, push, h, m, p1, p2, stiffness, base, th, on)
@@ -96,8 +101,7 @@ def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, t
 
     The arguments are those of :func:`piston_step`, at the instant.
     """
-    area_1, area_2 = base[AREA_1], base[AREA_2]
-    push = area_1 * p1 - area_2 * p2 - (area_1 - area_2) * base[AMBIENT] + driven + force(x, v, base[STROKE], th, on)
+    push = pushing_force(x, v, p1, p2, driven, base, th, on)
     if v == 0.0 and ((x <= base[LOWER_END] and push < 0.0) or (x >= base[UPPER_END] and push > 0.0)):
         return 0.0  # the end carries it
     return acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on)
