@@ -86,6 +86,10 @@ def piston_step(x, v, z, rest, dv, p1, p2, driven, h, m, stiffness, base, th, on
     return x, v, z, rest
 
 
+def starting_deflection(x, v, p1, p2, driven, stiffness, base, th, on):
+    return 0.0
+
+
 def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, th, on):
     return 0.0
 

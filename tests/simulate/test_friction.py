@@ -18,11 +18,12 @@ TEN_SECONDS = time_grid(10.0)
 DWELL = STRIBECK | {"dwell-breakaway.gain": 0.5, "dwell-breakaway.time_constant": 0.3}
 
 
-def pushed(force, values=None, time=TEN_SECONDS, **signals) -> np.ndarray:
+def pushed(force, values=None, time=TEN_SECONDS, restarts=(0,), **signals) -> np.ndarray:
     """The kernel's output where a force (N) drives the piston."""
     values = values or {}
     names = sorted({key.partition(".")[0] for key in values} - {"friction"})
-    return run(model(names, values), make_experiment("friction", time, {**LOOSE, "force": force, **signals}))
+    signals = {**LOOSE, "force": force, **signals}
+    return run(model(names, values), make_experiment("friction", time, signals, restarts=restarts))
 
 
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
@@ -87,6 +88,15 @@ def test_static_friction_grows_with_the_time_at_rest() -> None:
     assert soon[10, at.V] > 0.0
 
 
+def test_a_restart_counts_the_rest_that_was_measured() -> None:
+    """A push of 40 N moves the simulated piston; the real one rests for 2.4 s, and 30 N hold it."""
+    time = time_grid(3.0)
+    force = np.where(time < 2.3, 0.0, np.where(time < 2.35, 40.0, 30.0))
+    out = pushed(force, DWELL, time, restarts=(0, 2400))
+    assert out[2399, at.V] > 0.0
+    assert np.all(out[2400:, at.V] == 0.0)
+
+
 @pytest.mark.parametrize(("force", "end"), [(200.0, RIG.stroke), (-200.0, 0.0)])
 def test_it_stops_at_the_ends_of_the_stroke_and_leaves_when_pulled(force: float, end: float) -> None:
     time = time_grid(2.0)
@@ -115,6 +125,20 @@ def test_bristles_yield_to_a_load_by_its_force_over_stiffness_and_hold_it() -> N
     out = pushed(np.minimum(time / 4.0, 1.0) * 0.5 * COULOMB, BRISTLES, time)
     assert out[4500, at.X] - 0.1 == pytest.approx(-COULOMB / 1e5 * np.log(0.5), rel=5e-3)  # rings a little
     assert abs(out[-1, at.X] - out[4500, at.X]) < 1e-10
+
+
+@pytest.mark.parametrize("force", [10.0, -10.0])
+def test_at_a_restart_bristles_hold_a_resting_piston_where_it_is(force: float) -> None:
+    """Unbent ones would yield by 140 um; they would also where the simulated piston came from elsewhere."""
+    out = pushed(force, BRISTLES, time_grid(1.0), restarts=(0, 500))
+    assert out[:, at.X] == pytest.approx(np.full(1001, 0.1), abs=1e-9)
+
+
+def test_at_a_restart_in_motion_bristles_are_bent() -> None:
+    """At the speed at which 50 N balance friction it stays from the first sample on."""
+    v = (50.0 - COULOMB) / FRICTION["friction.viscous"]
+    out = pushed(50.0, BRISTLES, time_grid(0.1), v=v)
+    assert out[:, at.V] == pytest.approx(np.full(101, v), rel=1e-6)
 
 
 def test_bristles_slide_with_the_same_friction_as_a_rigid_contact() -> None:

@@ -72,7 +72,7 @@ static void reset(Plant *plant)
 
 static void start(Plant *plant)
 {
-    plant_start(plant->values + START, FLAGS, plant->s, plant->s1, plant->s2, plant->s_supply, plant->ring,
+    plant_start(plant->values + START, plant->inputs, FLAGS, plant->s, plant->s1, plant->s2, plant->s_supply, plant->ring,
                 plant->values, plant->values + TH, ON);
 }
 

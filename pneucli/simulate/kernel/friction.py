@@ -164,13 +164,6 @@ def bristle_force(z, dx, h, level, stiffness, th, on):
     return z + change, stiffness * (z + change) + bristle_damping(th, on) * speed
 
 
-def measured_deflection(v, push, x, p1, p2, stiffness, base, th, on):
-    """Return the deflection in m of bristles that hold a piston at rest against ``push`` in N, or slide steadily."""
-    direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
-    rising, _ = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
-    return direction * (min(abs(push), rising) if v == 0.0 else rising) / stiffness
-
-
 def acceleration(v, z, push, dv, rest, x, m, p1, p2, stiffness, base, th, on):
     """Return dv/dt in m/s^2 at one instant, with the friction of the step."""
     direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0

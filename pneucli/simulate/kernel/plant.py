@@ -7,7 +7,6 @@ step. The export translates it to C (:mod:`pneucli.export.fmu`).
 import math
 
 from pneucli.physics.gas import flow_constant
-from pneucli.simulate.kernel.friction import measured_deflection
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
@@ -26,7 +25,7 @@ from pneucli.simulate.kernel.step import (
     chamber_2_step,
     piston_acceleration,
     piston_step,
-    pushing_force,
+    starting_deflection,
     steps_between,
     valve_step,
 )
@@ -88,11 +87,12 @@ from pneucli.simulate.layout import (
 )
 
 
-def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
+def plant_start(start, inputs, flags, s, s1, s2, s_supply, ring, base, th, on):
     """Set the state at rest or in motion, with settled spools and sensors.
 
     Args:
         start: Position in m, velocity in m/s, pressures in Pa, openings of the valves in V, shape (6,).
+        inputs: Commands in V, supply pressure in Pa, driving force in N, shape (4,).
         flags: Switches of the rig, as of a recording, shape (9,).
         s: State, shape (26,), filled.
         s1: States of effects at the command of chamber 1, filled.
@@ -115,9 +115,7 @@ def plant_start(start, flags, s, s1, s2, s_supply, ring, base, th, on):
         p2 = base[AMBIENT]
     s[AT_X], s[AT_V], s[AT_P1], s[AT_P2], s[AT_END_1], s[AT_END_2] = x, start[START_V], p1, p2, p1, p2
     stiffness = bristle_stiffness(th, on)
-    if stiffness > 0.0:
-        push = pushing_force(x, s[AT_V], p1, p2, 0.0, base, th, on)
-        s[AT_Z] = measured_deflection(s[AT_V], push, x, p1, p2, stiffness, base, th, on)
+    s[AT_Z] = starting_deflection(x, s[AT_V], p1, p2, inputs[PLANT_FORCE], stiffness, base, th, on)
     s[AT_T1] = s[AT_T2] = base[TEMP]
     dead_1, dead_2 = dead_volumes(int(flags[CHAMBER_2]), base, th, on)
     s[AT_M1] = p1 * (dead_1 + base[AREA_1] * x) / (base[GAS] * base[TEMP])

@@ -4,7 +4,6 @@ import math
 
 from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.arrays import fixed, new_array, new_copy
-from pneucli.simulate.kernel.friction import measured_deflection
 from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
@@ -23,7 +22,7 @@ from pneucli.simulate.kernel.step import (
     chamber_2_step,
     piston_acceleration,
     piston_step,
-    pushing_force,
+    starting_deflection,
     steps_between,
     valve_step,
 )
@@ -215,9 +214,8 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
         if fresh:
             dp1 = dp2 = dv = 0.0
             rest = still
-            if stiffness > 0.0 and mechanics:
-                push = pushing_force(x, v, p1, p2, inputs[k, IN_FORCE], base, th, on)
-                z = measured_deflection(v, push, x, p1, p2, stiffness, base, th, on)
+            if mechanics:
+                z = starting_deflection(x, v, p1, p2, inputs[k, IN_FORCE], stiffness, base, th, on)
             m1 = p1 * (dead_1 + area_1 * x) / (base[GAS] * T1)
             m2 = p2 * (dead_2 + area_2 * (stroke - x)) / (base[GAS] * T2)
         out[k, X], out[k, V], out[k, P1], out[k, P2], out[k, GAS_T] = x, v, p1, p2, T1

@@ -7,7 +7,7 @@ The loop over a recording (:mod:`pneucli.simulate.kernel.run`) and the exported 
 import math
 
 from pneucli.simulate.kernel.chamber import chamber_step
-from pneucli.simulate.kernel.friction import acceleration, slide, slide_on_bristles
+from pneucli.simulate.kernel.friction import acceleration, friction_levels, slide, slide_on_bristles
 from pneucli.simulate.kernel.ports import (
     command,
     critical_ratio,
@@ -94,6 +94,19 @@ def piston_step(x, v, z, rest, dv, p1, p2, driven, h, m, stiffness, base, th, on
         x, v = min(max(x, lower), upper), 0.0
         rest = rest_old + h if v_old == 0.0 else 0.0  # a piston that is pressed against a stop rests
     return x, v, z, rest
+
+
+def starting_deflection(x, v, p1, p2, driven, stiffness, base, th, on):
+    """Return the deflection in m of bristles that hold a piston at rest, or that slide steadily; 0 of a rigid contact.
+
+    The arguments are those of :func:`piston_step`, at the instant.
+    """
+    if stiffness == 0.0:
+        return 0.0
+    push = pushing_force(x, v, p1, p2, driven, base, th, on)
+    direction = 1.0 if v > 0.0 or (v == 0.0 and push > 0.0) else -1.0
+    rising, _ = friction_levels(direction, abs(v), x, p1, p2, base, th, on)
+    return direction * (min(abs(push), rising) if v == 0.0 else rising) / stiffness
 
 
 def piston_acceleration(x, v, z, rest, dv, p1, p2, driven, m, stiffness, base, th, on):
