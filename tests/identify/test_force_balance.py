@@ -61,7 +61,7 @@ def test_bristles_at_rest_take_the_deflection_that_the_force_tells(force: float,
 
 
 def test_bristles_slide_off_from_the_deflection_at_rest() -> None:
-    """From 10 N at rest to 14 N while sliding 1 mm/s: 4 N by 4 um, of which dry friction lets exp(-s / 14 um) remain."""
+    """From 10 N at rest to 14 N while sliding 1 mm/s: of the missing 4 N exp(-s / 14 um) remain."""
     slides = TIME > 0.5
     distance = 1e-3 * np.maximum(TIME - 0.5, 0.0)
     force = np.where(slides, 14.0 + 45.0 * 1e-3, 10.0)
