@@ -23,7 +23,7 @@ from pneucli.diagnose.free_run_error import (
     removed_error_share,
 )
 from pneucli.diagnose.score import ErrorsByUse
-from pneucli.diagnose.subsample import MAX_SAMPLES
+from pneucli.diagnose.subsample import MAX_ERROR_SAMPLES, MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.figure import Figure, to_json
 from pneucli.identify.estimation.fit import Fit
@@ -91,7 +91,8 @@ def run(context: Context) -> dict[str, Any]:
     guess = pipeline.guess()
     context.progress(GIVEN_MODEL_PROGRESS)
     impossible = pipeline.impossible
-    errors = FreeRunErrors(pipeline.experiments)
+    compared = replace(pipeline, max_samples=MAX_ERROR_SAMPLES) if subsampling else pipeline
+    errors = FreeRunErrors(compared.experiments)
     data = replace(
         data,
         modelled_parts=guess.excluded_parts,

@@ -15,6 +15,8 @@ from pneucli.config import load
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Decision, Reason
 from pneucli.diagnose.diagnosis import Confidence
+from pneucli.diagnose.free_run_error import FreeRunErrors
+from pneucli.diagnose.score import ErrorsByUse
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.figure import Figure, read, to_json
@@ -73,6 +75,22 @@ def test_the_answer_has_the_interfaces_keys(hysteresis: Diagnosed) -> None:
 def is_told(candidate: dict[str, Any]) -> bool:
     """Whether the sentences of an answer may speak of a candidate: only then is its error simulated."""
     return candidate["supported"] or (candidate["confidence"] or 0.0) >= MIN_TOLD_PROBABILITY
+
+
+def test_errors_of_long_recordings_are_those_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits may see segments; what ``compare`` says of the model is an error of all samples."""
+    compared: list[int] = []
+
+    class Errors(FreeRunErrors):
+        def __call__(self, model: Model, reference: Model | None = None) -> ErrorsByUse:
+            compared.append(sum(e.time.size for e in self.experiments))
+            return super().__call__(model, reference)
+
+    monkeypatch.setattr(diagnose, "MAX_SAMPLES", 9000)
+    monkeypatch.setattr(diagnose, "FreeRunErrors", Errors)
+    answer = diagnosed(FIXTURES / "friction_hysteresis" / "pipeline.toml", tmp_path)
+    assert answer["thinned"]["used"] < 0.7 * answer["thinned"]["samples"]
+    assert set(compared) == {answer["thinned"]["samples"]}
 
 
 def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None:
