@@ -209,11 +209,12 @@ def with_effect(model: Model, effect: Effect, values: dict[str, float]) -> Model
     Args:
         model: The model.
         effect: The effect.
-        values: Values of its parameters by EFFECT.PARAMETER, each in the unit that the effect declares.
+        values: Values of its parameters by EFFECT.PARAMETER, each in the unit that the effect declares; those of other
+            parameters of any kind may be among them.
 
     Returns:
         The new model.
     """
     others = tuple(e for e in model.effects if e.name != effect.name)
     kept = {name: value for name, value in model.values.items() if not name.startswith(f"{effect.name}.")}
-    return replace(model, values=kept | values, effects=(*others, effect))
+    return with_parameters(replace(model, values=kept, effects=(*others, effect)), values)

@@ -48,6 +48,7 @@ EFFECT = Effect(
             "1 horizons",
             ("0.01 response times", "0.03 response times"),
             "delay: length over speed of sound",
+            direct="delay",
         ),
         Parameter(
             "bore",

@@ -40,6 +40,7 @@ EFFECT = Effect(
             "1 horizons",
             ("0.015 response times", "0.05 response times"),
             "time constant of the spool",
+            direct="lag",
         ),
     ),
     ports={"command": command},
