@@ -237,9 +237,7 @@ def charge_budget(c: float, u: float) -> Budget:
     spread = np.exp(Z95 * RATE_ERROR)
     other = Characteristic(0.3, 0.2, 0.4)
     one = IsoConductance(u, Characteristic(c, c / spread, c * spread), other, other)
-    valve: Any = SimpleNamespace(
-        label="valve", area_model=SimpleNamespace(model_gradient=SimpleNamespace(model=model), supply=SUPPLY)
-    )
+    valve: Any = SimpleNamespace(label="valve", model_gradient=SimpleNamespace(model=model, supply=SUPPLY))
     return budget_of_conductance(valve, one, replace(MEASUREMENT, volume_sigma=SIGMA_VOLUME), fitted_volume=False)
 
 

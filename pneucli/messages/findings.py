@@ -92,20 +92,16 @@ VALVE: Mapping[str, Template] = {
         "the map of the valve reaches {largest:4 Pa/s}, its curves show no more than {measured:4 Pa/s}; do not use it, "
         "and see what ingest finds implausible"
     ),
-    "valve-resampled": (
-        "{count} recordings are sampled unevenly and were put on an even clock for the map, which adds an error of up "
-        "to {error:4 Pa} to p1 ({recording})"
-    ),
     "valve-curves-not-followed": (
-        "the map leaves {residual:noise} × noise on its own curves; no static map can describe this: heat transfer, "
-        "valve lag, hysteresis or supply droop, which the model lacks, or a vessel that is full within some samples"
+        "the model leaves {residual:noise} × noise on the curves of the valve: it may lack heat transfer, valve lag, "
+        "hysteresis or supply droop, or the vessel is full within some samples"
     ),
     "valve-not-foreseen": (
-        "the map leaves {residual:noise} × noise on held-out curves; take commands between those that were fitted, or "
+        "the model leaves {residual:noise} × noise on held-out curves; take commands between the fitted ones, or "
         "record more of them"
     ),
     "valve-lack-of-fit": (
-        "the model's valve is off the measured {reference} by {median:%} in the median, {p95:%} at the 95th "
+        "the model's valve is off the measured gradients by {median:%} in the median, {p95:%} at the 95th "
         "percentile, outside both 95 % intervals at {outside:%} of the points: pneucli diagnose says what it may lack"
     ),
     "valve-critical-ratio": _critical_ratio,
@@ -182,7 +178,6 @@ OTHERS: Mapping[str, Template] = {
         "more digits, on a finer scale or at a higher rate, or state its noise in [signals] x"
     ),
     "fit-subsampled": "{used} of {samples} samples are fitted: evenly spaced segments of the longest recordings",
-    "no-measured-map": "no measured map of chamber {chamber}: {where}: {found}; the map is that of the model's valve",
     "no-map": "no valve map: {where}: {found}",
     "effects-idle": (
         "[model] effects {names}: they do not act on a steady bench, which has neither time nor a cylinder"

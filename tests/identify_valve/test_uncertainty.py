@@ -35,8 +35,8 @@ def charge_valve(u: float = 5.0, values: dict[str, float] | None = None, names: 
     what = model(names, {"rig.vessel_volume": 160e-6} | (values or {}))
     spread = 1.959964 * 0.003
     c = Characteristic(C, C * np.exp(-spread), C * np.exp(spread))
-    law = SimpleNamespace(model_gradient=SimpleNamespace(valve=VALVE, model=what), supply=7e5)
-    return SimpleNamespace(iso=(IsoConductance(u, c, B, B),), label="valve", area_model=law)
+    law = SimpleNamespace(valve=VALVE, model=what, supply=7e5)
+    return SimpleNamespace(iso=(IsoConductance(u, c, B, B),), label="valve", model_gradient=law)
 
 
 NOTHING_STATED = Measurement()

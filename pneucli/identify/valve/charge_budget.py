@@ -95,16 +95,16 @@ def budget_of_conductance(
     valve: ValveIdentification, one: IsoConductance, measurement: Measurement, *, fitted_volume: bool
 ) -> Budget:
     """Return the budget of C of a path whose interval is that of the curves' scatter."""
-    model, c = valve.area_model.model_gradient.model, one.C
+    model, c = valve.model_gradient.model, one.C
     fills = one.u > 0.0
     relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95)
     scatter = Contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
     stated = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
     for signal in USED_SIGNALS[fills]:
         if (calibration := measurement.calibrations.get(signal)) is not None:
-            stated += _sensor(signal, calibration, c.value, valve.area_model.supply, fills=fills)
+            stated += _sensor(signal, calibration, c.value, valve.model_gradient.supply, fills=fills)
     rest = math.hypot(*(part.contribution / c.value for part in (scatter, *stated)))
-    factors = _thermal_factors(model, c.value, valve.area_model.supply, fills=fills)
+    factors = _thermal_factors(model, c.value, valve.model_gradient.supply, fills=fills)
     thermal = []
     if factors != (1.0, 1.0):
         width = (factors[1] - factors[0]) / math.sqrt(12.0)  # of a rectangle

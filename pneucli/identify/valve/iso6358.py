@@ -1,13 +1,13 @@
 """ISO 6358-1: sonic conductance, critical ratio and subsonic index for each command, of the model's own valve.
 
 C follows from the effective area and the choked flow function; b is the model's critical ratio and m = 0.5, since the
-flow function of the model is an ellipse. The measured map gives b and m too: they set the interval where the model
-assumes them, and widen it where they contradict the model.
+flow function of the model is an ellipse. The measured gradients of a command show b and m too: they set the interval
+where the model assumes them, and widen it where they contradict the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import cast
@@ -18,10 +18,8 @@ from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.least_squares import minimise
-from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import Posterior
-from pneucli.identify.valve.maps import Coverage, gradient_with_error
-from pneucli.identify.valve.model_gradient import whitening_matrix
+from pneucli.identify.valve.lack_of_fit import LackOfFit
+from pneucli.identify.valve.model_gradient import REPEATABILITY, ModelGradient
 from pneucli.physics.gas import PSI_MAX, flow_constant
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from pneucli.quantities import Z95
@@ -29,8 +27,8 @@ from pneucli.simulate.model import Model
 
 Interval = tuple[float, float]
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
-PRESSURE_POINTS = 41  # of pressure, at which the map is read
-MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: the floor of the map's standard error
+SAME_COMMAND = 1e-3  # of a command: the distance to one that was held
+MIN_SHARE_OF_CURVE = 0.25  # of the pressures from ambient to supply, that a curve must have seen
 TYPICAL_B_M = np.array([0.35, 0.5])  # b and m of industrial valves: the prior where a curve does not determine them
 TYPICAL_B_M_SPREAD = np.array([0.2, 0.1])  # standard deviations of that prior
 ELLIPSE_BOUNDS = (np.array([-np.inf, 0.02, 0.2]), np.array([np.inf, 0.9, 1.5]))
@@ -39,7 +37,7 @@ MAX_ERROR_RATIO = 0.5  # of that prior: a larger standard error means that the c
 
 @dataclass(frozen=True)
 class Characteristic(Figure):
-    """A characteristic; ``measured`` is that of the measured map: value, low, high.
+    """A characteristic; ``measured`` is that of the measured gradients: value, low, high.
 
     ``parts`` are the standard uncertainties of the latter: of its noise, and of the thermal state.
     """
@@ -49,7 +47,7 @@ class Characteristic(Figure):
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether the measured map excludes the value."""
+        """Whether the measured gradients exclude the value."""
         return self.measured is not None and not self.measured[1] <= self.value <= self.measured[2]
 
 
@@ -69,17 +67,13 @@ class IsoConductance:
     m: Characteristic
 
 
-def iso_conductances(
-    area_model: AreaModel, posterior: Posterior, fitted: Fit, coverage: Coverage, tested: Sequence[float]
-) -> tuple[IsoConductance, ...]:
+def iso_conductances(gradient: ModelGradient, fitted: Fit, lack: LackOfFit | None) -> tuple[IsoConductance, ...]:
     """Compute C, b and m at each command at which the model knows the valve's area.
 
     Args:
-        area_model: The area model of the measured map.
-        posterior: Its fitted parameters.
+        gradient: The gradient of the fitted model.
         fitted: The fit of the model.
-        coverage: The region that data cover.
-        tested: Commands in V that were held.
+        lack: The measured gradients of a vessel, None without one.
 
     Returns:
         The characteristics, one entry a command.
@@ -95,12 +89,11 @@ def iso_conductances(
     estimates = {e.name: e for e in fitted.estimates}
     b, interval = _critical_ratio(model, estimates)
     out = []
-    for u, name in area_model.model_gradient.valve.area_names.items():
+    for u, name in gradient.valve.area_names.items():
         if not (area := estimates.get(name)):
             continue
         c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1])
-        is_tested = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
-        measured = _measured_b_m(area_model, posterior, coverage, u, index_ratio) if is_tested else None
+        measured = None if lack is None else _measured_b_m(gradient, lack, u, index_ratio)
         b_and_m = measured or (None, None)
         out.append(
             IsoConductance(
@@ -137,9 +130,9 @@ def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[fl
 def _characteristic(
     value: float, model_interval: Interval | None, index: int, curve: tuple[float, ...] | None
 ) -> Characteristic:
-    """Return a characteristic with the model's interval, or with that of the measured map where the model has none.
+    """Return a characteristic with the model's interval, or with that of measured gradients where the model has none.
 
-    ``curve`` are value, low and high of the measured map, and where known the two parts of its uncertainty.
+    ``curve`` are value, low and high of the measured gradients, and where known the two parts of its uncertainty.
     """
     low, high = model_interval or (value, value)
     measured = None if curve is None else (curve[0], curve[1], curve[2])
@@ -156,9 +149,9 @@ def _characteristic(
 
 
 def _measured_b_m(
-    area_model: AreaModel, posterior: Posterior, coverage: Coverage, u: float, index_ratio: float
+    gradient: ModelGradient, lack: LackOfFit, u: float, index_ratio: float
 ) -> list[tuple[float, ...] | None] | None:
-    """Return b and m of the measured map at a command; None where it does not determine them.
+    """Return b and m of the measured gradients at a command; None where they do not determine them.
 
     Each is value, low, high, and the standard uncertainties of noise and thermal state.
 
@@ -166,22 +159,21 @@ def _measured_b_m(
     standard error therefore includes the change of b and m by a drift of the gradient by ``index_ratio`` over the
     curve, as a uniform distribution (divided by sqrt(3)).
     """
-    p = np.linspace(area_model.ambient, area_model.supply, PRESSURE_POINTS)
-    p = p[coverage(np.full(PRESSURE_POINTS, u), p)]
-    supply, commands = np.full(p.size, area_model.supply), np.full(p.size, u)
-    if p.size < PRESSURE_POINTS // 4:
+    row = int(np.argmin(np.abs(lack.u[:, 0] - u)))
+    seen = lack.covered[row]
+    if abs(lack.u[row, 0] - u) > SAME_COMMAND * abs(u) or np.mean(seen) < MIN_SHARE_OF_CURVE:
         return None
-    value, _ = gradient_with_error(area_model, posterior, commands, p, supply)
-    rows = area_model.sensitivity(posterior.theta, commands, p, supply)
+    p, value = lack.p[row, seen], lack.measured[row, seen]
     scale = float(np.abs(value).max())
     if not scale > 0.0:
         return None
-    whiten = whitening_matrix(rows @ posterior.covariance @ rows.T / scale**2, MIN_RELATIVE_ERROR)
-    upstream, r = (area_model.supply, p / area_model.supply) if u > 0 else (p, area_model.ambient / p)
-    shape = np.abs(value) / scale * area_model.supply / upstream
-    steady = _fit_ellipse(shape, r, whiten)
+    error = np.hypot(lack.half_interval[row, seen] / Z95, REPEATABILITY * scale) / scale
+    upstream, r = (gradient.supply, p / gradient.supply) if u > 0 else (p, gradient.ambient / p)
+    per_pressure = gradient.supply / upstream
+    shape, weight = np.abs(value) / scale * per_pressure, 1.0 / error
+    steady = _fit_ellipse(shape, r, weight)
     drift = np.linspace(1.0, 1.0 / index_ratio, p.size)[:: 1 if u > 0 else -1]
-    drifted = _fit_ellipse(shape / drift, r, whiten)
+    drifted = _fit_ellipse(shape / drift, r, weight)
     noise = np.sqrt(np.diag(steady[1]))[1:]
     thermal = np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3)
     interval = []
@@ -194,13 +186,13 @@ def _measured_b_m(
     ]
 
 
-def _fit_ellipse(shape: Array, r: Array, whiten: Array) -> tuple[Array, Array]:
-    """Return log C, b, m of an elliptic flow function over pressure ratios r (k,), and their covariance."""
+def _fit_ellipse(shape: Array, r: Array, weight: Array) -> tuple[Array, Array]:
+    """Return log C, b, m of an elliptic flow function over pressure ratios r (k,), and their covariance; all (k,)."""
 
     def residuals(x: Array) -> Array:
         s = np.maximum(np.minimum(r, 1.0 - 1e-6) - x[1], 0.0) / (1.0 - x[1])
         error = np.exp(x[0]) * (1.0 - s * s) ** x[2] - shape
-        return np.concatenate([whiten @ error, (x[1:] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
+        return np.concatenate([weight * error, (x[1:] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
 
     def jacobian(x: Array) -> Array:
         return np.array([(residuals(x + d) - residuals(x - d)) / 2e-4 for d in 1e-4 * np.eye(3)]).T
