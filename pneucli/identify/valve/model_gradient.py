@@ -22,7 +22,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, parameter_value, with_parameters
 from pneucli.simulate.run import base_vector, kernel_for, simulate
 
-NO_SHAPES = np.zeros((0, 0))
 DIFFERENCE_STEP = 1e-3  # of a coordinate, for finite differences
 REPEATABILITY = 1e-3  # of the gradient: the standard deviation with which the best valves come back to an opening
 
@@ -179,7 +178,7 @@ class QuasiStaticGradient:
             Thesis 7.4.
         """
         out = np.empty(u.size)
-        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out, NO_SHAPES, np.empty((u.size, 0)))
+        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out)
         return out.reshape(u.shape)
 
     @cached_property
