@@ -43,6 +43,7 @@ from pneucli.diagnose.adequacy import held_out_lack_of_fit, lack_of_fit_by_chann
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
+from pneucli.figure import Figure
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
@@ -50,7 +51,7 @@ from pneucli.identify.valve.charge_budget import Vessel, budget_of_conductance, 
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.flow_path import coordinates_of
 from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
+from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit
 from pneucli.identify.valve.uncertainty import Budget, Measurement
@@ -235,8 +236,8 @@ def charge_budget(c: float, u: float) -> Budget:
     rig = replace(RIG, supply_pressure=SUPPLY, vessel_volume=VOLUME)
     model = Model(rig, (), {"rig.vessel_volume": VOLUME}, ValveArea((-10.0, 10.0), (1e-6, 1e-6)))
     spread = np.exp(Z95 * RATE_ERROR)
-    other = Characteristic(0.3, 0.2, 0.4)
-    one = IsoConductance(u, Characteristic(c, c / spread, c * spread), other, other)
+    other = Figure(0.3, 0.2, 0.4)
+    one = IsoConductance(u, Figure(c, c / spread, c * spread), other, other)
     valve: Any = SimpleNamespace(label="valve", model_gradient=SimpleNamespace(model=model, supply=SUPPLY))
     return budget_of_conductance(valve, one, replace(MEASUREMENT, volume_sigma=SIGMA_VOLUME), fitted_volume=False)
 

@@ -77,16 +77,6 @@ def _cracking(u: float | None, pressure: tuple[float, float, float], count: int,
     return f"nothing flows below a pressure difference of {opens}{where}: a check or a relief valve opens there"
 
 
-def _critical_ratio(measured: tuple[float, float, float], **values: float) -> str:
-    value, *ends = measured
-    return fill_in(
-        "at {count} of {commands} commands the curve shows another critical ratio than the model has, {model:.3g}; "
-        "most at {command:.4g} V: {measured}",
-        **values,
-        measured=format_interval(value, "1", ends),
-    )
-
-
 VALVE: Mapping[str, Template] = {
     "valve-not-described": (
         "the map of the valve reaches {largest:4 Pa/s}, its curves show no more than {measured:4 Pa/s}; do not use it, "
@@ -104,7 +94,6 @@ VALVE: Mapping[str, Template] = {
         "the model's valve is off the measured gradients by {median:%} in the median, {p95:%} at the 95th "
         "percentile, outside both 95 % intervals at {outside:%} of the points: pneucli diagnose says what it may lack"
     ),
-    "valve-critical-ratio": _critical_ratio,
     "flow-uphill": (
         "in {rows} of {of} rows gas flows toward the higher pressure, as a pump or a compressor makes it: no area "
         "describes that; check whether p_supply and p1 are exchanged"

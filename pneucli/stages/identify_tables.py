@@ -17,7 +17,6 @@ from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.identify.residuals import ResidualModel
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
@@ -346,16 +345,13 @@ def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDAr
 
 
 def iso_parameters(valve: ValveIdentification) -> dict[str, Figure]:
-    """Return ISO 6358-1 characteristics by command: name, value, 95 % interval; and what the curves show."""
-    found = {}
-    names = {"C": ("sonic_conductance", "m^3/(s Pa)"), "b": ("critical_ratio", "1"), "m": ("subsonic_index", "1")}
-    for one in valve.iso:
-        for letter, (name, unit) in names.items():
-            figure: Characteristic = getattr(one, letter)
-            found[f"{valve.label}.{name}({one.u:+.4g} V)"] = Figure(figure.value, figure.low, figure.high, unit)
-            if figure.measured is not None:
-                found[f"{valve.label}.{name}_of_curve({one.u:+.4g} V)"] = Figure(*figure.measured, unit)
-    return found
+    """Return ISO 6358-1 characteristics by command: name, value, 95 % interval."""
+    names = {"C": "sonic_conductance", "b": "critical_ratio", "m": "subsonic_index"}
+    return {
+        f"{valve.label}.{name}({one.u:+.4g} V)": getattr(one, letter)
+        for one in valve.iso
+        for letter, name in names.items()
+    }
 
 
 def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Valve:
@@ -385,7 +381,6 @@ def valve_findings(valve: ValveIdentification) -> Iterator[Finding]:
     if test > max(MAX_TRAIN_RESIDUAL, MAX_TEST_TO_TRAIN * train):
         yield Finding("valve-not-foreseen", {"residual": test})
     yield from lack_of_fit_findings(valve.lack_of_fit)
-    yield from _critical_ratio_findings([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
 
 
 def lack_of_fit_findings(lack: LackOfFit) -> Iterator[Finding]:
@@ -393,11 +388,3 @@ def lack_of_fit_findings(lack: LackOfFit) -> Iterator[Finding]:
     if lack.is_significant:
         numbers = {"median": lack.median, "p95": lack.p95, "outside": lack.share_outside}
         yield Finding("valve-lack-of-fit", numbers)
-
-
-def _critical_ratio_findings(contradicted: Sequence[IsoConductance], commands: int) -> Iterator[Finding]:
-    if contradicted:
-        one = max(contradicted, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
-        measured = one.b.measured or (one.b.value, one.b.low, one.b.high)
-        numbers = {"count": len(contradicted), "commands": commands, "model": one.b.value, "command": one.u}
-        yield Finding("valve-critical-ratio", {**numbers, "measured": measured})

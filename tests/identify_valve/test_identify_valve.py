@@ -137,7 +137,6 @@ def test_another_flow_function_is_told_and_stands_in_the_interval():
     assert np.sqrt(np.mean(off**2)) < 0.015 * np.abs(truth).max()
     b = next(i for i in found.iso if i.u == 10.0).b
     assert b.value == 0.528  # the model's
-    assert b.measured[0] == pytest.approx(0.2, abs=0.08)  # the curve's
     assert b.low < 0.2
     assert b.high >= 0.528
 
@@ -186,7 +185,6 @@ def test_iso_characteristics_are_those_of_the_models_area(base):
     assert largest.C.value == pytest.approx(unit * modelled, rel=1e-6)
     assert largest.C.value == pytest.approx(unit * AREA, rel=0.01)
     assert largest.b.value == 0.528
-    assert largest.b.measured[0] == pytest.approx(0.528, abs=0.05)
     assert largest.m.value == 0.5
 
 

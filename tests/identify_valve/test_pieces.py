@@ -225,10 +225,10 @@ def test_the_misfit_is_what_noise_does_not_explain() -> None:
     assert found.misfit(~every, measured) == 0.0
 
 
-def passed(u: list[float], p: list[float], remaining: list[float], noise: float = 0.0) -> LackOfFit:
+def passed(u: list[float], p: list[float], remaining: list[float], noise: float = 0.0, drift: float = 0.0) -> LackOfFit:
     """The lack of fit of a recording in which this remains of the pressure, a reading every 0.1 s."""
     size = len(u)
-    arrays = np.array(remaining), np.full(size, noise), np.ones(size)
+    arrays = np.array(remaining), np.full(size, noise), drift * np.arange(size), np.ones(size)
     return lack_of_fit.lack_of_fit(LAW, [MeasuredGradient(went(np.array(u), np.array(p)), *arrays, NONE)])
 
 
@@ -255,9 +255,9 @@ def test_visits_that_scatter_more_than_noise_widen_the_interval() -> None:
     assert found.half_interval[0, 0] == pytest.approx(3.182 * error, rel=1e-3)
 
 
-def test_close_to_the_other_side_of_the_valve_noise_would_be_taken_for_flow() -> None:
-    found = passed([2.0] * 6, [6.9e5] * 3 + [6.95e5] * 3, [0, 1, 2, 9, 18, 27], noise=700.0)
-    assert found.difference[0, -1] == pytest.approx(2 / 0.2)
+def test_a_pressure_that_is_wrong_throughout_a_visit_widens_the_interval() -> None:
+    sure, unsure = (passed([2.0] * 3, [1.2e5] * 3, [0, 1, 2], 3.0, drift).half_interval[0, 0] for drift in (0.0, 40.0))
+    assert unsure == pytest.approx(np.hypot(sure, 2.12 * 80.0 / 0.2), rel=1e-3)
 
 
 # --- the identification's own pieces

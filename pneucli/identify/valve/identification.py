@@ -92,7 +92,7 @@ def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Cham
         map=replace(grid, u=command.from_opening(u)),
         inverse=replace(inverse, u=command.from_opening(inverse.u)),
         lack_of_fit=lack,
-        iso=iso_conductances(model, fitted, lack if has_vessel else None) if has_volume else (),
+        iso=iso_conductances(model.valve, fitted) if has_volume else (),
         residuals=tuple(_residuals(model.model, shown)),
         max_gradient=float(np.abs(grid.gradient[grid.covered]).max(initial=0.0)),
         max_measured_gradient=max(one.largest for one in gradients),

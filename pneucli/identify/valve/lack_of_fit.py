@@ -23,7 +23,6 @@ MIN_VISITS = 4  # of a cell, from which the scatter gives an error
 SETTLING_TIME = 0.03  # s left out after a jump of the command, where spool, hose and clock dominate
 TINY = 1e-300
 NOISE_DRAWS = 16  # of the pressure sensor
-MIN_DISTANCE = 10.0  # times the noise, from the pressure at which flow ceases: nearer its slope magnifies noise
 MIN_COMMAND_JUMP = 0.005  # of the command's range in one sample
 MIN_GRADIENT_RATIO = 0.01  # of the largest gradient; relative differences of smaller ones are not counted
 MAX_RELATIVE_INTERVAL = 0.1  # half of it, of the gradient: a less certain one says little of the model
@@ -123,13 +122,15 @@ class LackOfFit:
 class MeasuredGradient:
     """What a recording shows of the gradient of a map's volume beside the model's; arrays of shape (n,).
 
-    ``remaining`` in Pa is the smoothed pressure less the integral of the model's gradient, ``noise`` its standard
-    deviation, and ``scale`` the volume over that of the map. ``largest`` in Pa/s is the largest measured gradient.
+    ``remaining`` in Pa is the smoothed pressure less the integral of the model's gradient; ``noise`` is its standard
+    deviation, ``drift`` how much the integral grows if the pressure is wrong by that all the time, and ``scale`` the
+    volume over that of the map. ``largest`` in Pa/s is the largest measured gradient.
     """
 
     test: Experiment
     remaining: Array
     noise: Array
+    drift: Array
     scale: Array
     largest: float
 
@@ -155,14 +156,20 @@ def measured_gradient(model: ModelGradient, driven: FlowPathData, test: Experime
         (volume * (y + memory) - kappa * p * driven.volume_rate) / driven.volume
         for y in (modelled, model(np.append(u[:1], u[:-1]), p, supply))  # the command was held until each sample
     )
-    integral = np.append(0.0, np.cumsum(0.5 * np.diff(e.time) * (before[:-1] + after[1:])))
-    name, noise = PRESSURE_SIGNALS[1 if e.vessel else test.recording.chamber][0], np.zeros(e.time.size)
+    integral = _integral(e.time, before, after)
+    name, power = PRESSURE_SIGNALS[1 if e.vessel else test.recording.chamber][0], np.zeros(e.time.size)
     remaining, rng = _smoothed(e, name, e.raw[name] - integral), np.random.default_rng(0)
     for _ in range(NOISE_DRAWS):
-        noise += _smoothed(e, name, e.draw_noise(rng).get(name, np.zeros(e.time.size))) ** 2 / NOISE_DRAWS
-    scale = driven.volume / volume
+        power += _smoothed(e, name, e.draw_noise(rng).get(name, np.zeros(e.time.size))) ** 2
+    noise, scale = np.sqrt(power / NOISE_DRAWS), driven.volume / volume
+    rate = 0.5 * np.abs(model(u, p + noise, supply) - model(u, p - noise, supply)) / scale
     largest = float(np.abs(modelled + np.gradient(remaining, e.time) * scale).max())
-    return MeasuredGradient(test, remaining, np.sqrt(noise), scale, largest)
+    return MeasuredGradient(test, remaining, noise, _integral(e.time, rate, rate), scale, largest)
+
+
+def _integral(time: Array, before: Array, after: Array) -> Array:
+    """Return the integral of a rate (n,) by trapezoids between its values after and before each sample."""
+    return np.append(0.0, np.cumsum(0.5 * np.diff(time) * (before[:-1] + after[1:])))
 
 
 def _smoothed(e: Experiment, name: str, y: Array) -> Array:
@@ -172,8 +179,8 @@ def _smoothed(e: Experiment, name: str, y: Array) -> Array:
 def lack_of_fit(model: ModelGradient, gradients: Sequence[MeasuredGradient]) -> LackOfFit:
     """Compare the model with measured gradients, averaged over cells of command and pressure.
 
-    The error of a cell is that of the noise at both ends of each visit, or the scatter of its visits where that is
-    larger. A cell that a moving piston passed needs visits that scatter: noise is not all that errs there.
+    The error of a cell is that of the noise at both ends of each visit and between, or the scatter of its visits where
+    that is larger. A cell that a moving piston passed needs visits that scatter: noise is not all that errs there.
 
     Args:
         model: The gradient of the fitted model.
@@ -186,7 +193,7 @@ def lack_of_fit(model: ModelGradient, gradients: Sequence[MeasuredGradient]) -> 
     levels, edges = _command_cells(np.concatenate([one.test.inputs[:, at.IN_U] for one in gradients]))
     pressures = np.linspace(model.ambient, model.supply, PRESSURE_CELLS + 1)
     u, p = np.meshgrid(levels, 0.5 * (pressures[1:] + pressures[:-1]), indexing="ij")
-    passes = [_visits(model, one, edges, pressures) for one in gradients]
+    passes = [_visits(one, edges, pressures) for one in gradients]
     cell = np.concatenate([one[0] for one in passes])
     seconds, rise, variance = np.concatenate([one[1] for one in passes], axis=1)
 
@@ -215,15 +222,13 @@ def _command_cells(u: Array) -> tuple[Array, Array]:
     return levels, 0.5 * (levels[1:] + levels[:-1])
 
 
-def _visits(model: ModelGradient, one: MeasuredGradient, edges: Array, pressures: Array) -> tuple[Integers, Array]:
+def _visits(one: MeasuredGradient, edges: Array, pressures: Array) -> tuple[Integers, Array]:
     """Return the cell of each visit (m,); its duration in s, the rise of what remains in Pa, its variance, (3, m)."""
     test = one.test
-    u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
+    u, p = test.inputs[:, (at.IN_U, at.IN_P1)].T
     cell = np.searchsorted(edges, u, side="right") * PRESSURE_CELLS
     cell += np.searchsorted(pressures[1:-1], p, side="right")
     if test.vessel:
-        distance = np.abs(p - np.where(u > 0.0, supply, model.ambient))
-        cell[(u != 0.0) & (distance < MIN_DISTANCE * one.noise)] = -1
         jumps = np.flatnonzero(np.abs(np.diff(u)) > MIN_COMMAND_JUMP * float(np.ptp(u))) + 1
         for jump in jumps:
             cell[jump : jump + max(round(SETTLING_TIME / test.recording.period), 1)] = -1
@@ -232,5 +237,6 @@ def _visits(model: ModelGradient, one: MeasuredGradient, edges: Array, pressures
     kept = (cell[starts] >= 0) & (ends > starts)
     first, last = starts[kept], ends[kept]
     scale = 0.5 * (one.scale[first] + one.scale[last])
-    rise, variance = one.remaining[last] - one.remaining[first], one.noise[first] ** 2 + one.noise[last] ** 2
+    rise, drift = (y[last] - y[first] for y in (one.remaining, one.drift))
+    variance = one.noise[first] ** 2 + one.noise[last] ** 2 + drift**2
     return cell[first], np.array([test.time[last] - test.time[first], scale * rise, scale**2 * variance])
