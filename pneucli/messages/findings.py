@@ -83,8 +83,8 @@ VALVE: Mapping[str, Template] = {
         "and see what ingest finds implausible"
     ),
     "valve-curves-not-followed": (
-        "the model leaves {residual:noise} × noise on the curves of the valve: it may lack heat transfer, valve lag, "
-        "hysteresis or supply droop, or the vessel is full within some samples"
+        "the model leaves {residual:noise} × noise on the curves of the valve: an effect is missing, of valve, gas or "
+        "supply, or of the axis that shared the fit; or the vessel is full within some samples"
     ),
     "valve-not-foreseen": (
         "the model leaves {residual:noise} × noise on held-out curves; take commands between the fitted ones, or "
