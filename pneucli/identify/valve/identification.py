@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.run import simulate
 
 GRID_POINTS = 41  # of the map, over command and over pressure
-MIN_CURVE_SAMPLES = 4  # of a curve
+MIN_CURVE_SAMPLES, MAX_CURVE_SAMPLES = 4, 200  # of a held command; of more, evenly spaced ones are kept
 
 
 def identify_valve(experiments: Sequence[Experiment], fitted: Fit, chamber: Chamber = 1) -> ValveIdentification:
@@ -139,15 +138,16 @@ def _test(experiment: Experiment, chamber: Chamber) -> Experiment:
 def _curves(model: ModelGradient, test: Experiment) -> Iterator[Curve]:
     """Yield measured and modelled pressure wherever a command other than zero was held."""
     u, supply = test.inputs[:, (at.IN_U, at.IN_SUPPLY)].T
-    fitted = simulate(model.model, test)["p1"]
-    gradient, half = model(u, fitted, supply), Z95 * model.standard_error(u, fitted)
-    jumps = np.flatnonzero(np.diff(u)) + 1
-    for first, last in pairwise([0, *jumps, u.size]):
-        rows = np.arange(first, last)[np.isfinite(test.measured("p1")[first:last])]
-        if u[first] != 0.0 and rows.size >= MIN_CURVE_SAMPLES:
-            band = gradient[rows], (gradient - half)[rows], (gradient + half)[rows]
-            measured = test.measured("p1")[rows]
-            yield Curve(test.recording.name, float(u[first]), test.time[rows], measured, fitted[rows], *band)
+    fitted, measured = simulate(model.model, test)["p1"], test.measured("p1")
+    starts = np.flatnonzero(np.diff(u, prepend=np.nan) != 0.0)
+    lengths = np.diff(np.append(starts, u.size))
+    is_curve = (lengths >= MIN_CURVE_SAMPLES) & (u[starts] != 0.0)
+    for first, length in zip(starts[is_curve].tolist(), lengths[is_curve].tolist(), strict=True):
+        some = np.linspace(first, first + length - 1, min(length, MAX_CURVE_SAMPLES)).round().astype(np.int64)
+        rows = some[np.isfinite(measured[some])]
+        gradient, half = model(u[rows], fitted[rows], supply[rows]), Z95 * model.standard_error(u[rows], fitted[rows])
+        signals = test.time[rows], measured[rows], fitted[rows], gradient, gradient - half, gradient + half
+        yield Curve(test.recording.name, float(u[first]), *signals)
 
 
 def _residuals(model: Model, tests: Sequence[Experiment]) -> Iterator[RecordingResidual]:

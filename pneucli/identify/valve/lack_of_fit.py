@@ -159,8 +159,8 @@ def measured_gradient(model: ModelGradient, driven: FlowPathData, test: Experime
     integral = _integral(e.time, before, after)
     name, power = PRESSURE_SIGNALS[1 if e.vessel else test.recording.chamber][0], np.zeros(e.time.size)
     remaining, rng = _smoothed(e, name, e.raw[name] - integral), np.random.default_rng(0)
-    for _ in range(NOISE_DRAWS):
-        power += _smoothed(e, name, e.draw_noise(rng).get(name, np.zeros(e.time.size))) ** 2
+    for _ in range(NOISE_DRAWS if name in e.noise else 0):
+        power += _smoothed(e, name, e.noise[name].draw(e.time, rng)) ** 2
     noise, scale = np.sqrt(power / NOISE_DRAWS), driven.volume / volume
     rate = 0.5 * np.abs(model(u, p + noise, supply) - model(u, p - noise, supply)) / scale
     largest = float(np.abs(modelled + np.gradient(remaining, e.time) * scale).max())
