@@ -1,10 +1,13 @@
-"""Valves against the truth: ``python -m benchmarks.valve maps|budgets|commands``.
+"""Valves against the truth: ``python -m benchmarks.valve maps|missing|budgets|commands``.
 
 ``maps [SEED...]``: maps and inverses of healthy rigs of the exam, for each arrangement of valves. A row says what the
 map was made of; of its points that recordings covered and where more than 1 % of the largest gradient flows, the median
 and 95th percentile of the error over the true gradient and the share of points whose interval holds the truth; of the
 inverse, the share of points that is reachable and the error of the gradient that the answered command truly makes.
 "no vessel" leaves out the valve tests.
+
+``missing [SEED...]``: the same of valve tests of one chamber with an effect that the model lacks; a flow that it adds
+to that of the valve is not in the truth.
 
 ``budgets [DRAWS]``: the uncertainty budgets of C, b and m against a Monte Carlo of their inputs (JCGM 101). A steady
 bench of 40 rows is fitted again in each draw. Of a charge or discharge test, the equation of C is computed; its
@@ -43,6 +46,7 @@ from pneucli.diagnose.adequacy import held_out_lack_of_fit, lack_of_fit_by_chann
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
+from pneucli.figure import Figure
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
@@ -50,7 +54,7 @@ from pneucli.identify.valve.charge_budget import Vessel, budget_of_conductance, 
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.flow_path import coordinates_of
 from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
+from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit
 from pneucli.identify.valve.uncertainty import Budget, Measurement
@@ -80,6 +84,10 @@ CASES = (
     ("5/3, null near 5 V, no vessel", "axis", "5/3-null"),
     ("two valves, no vessel", "axis", "two-valves"),
     ("switching, no vessel", "axis", "switching"),
+)
+MISSING = (
+    *("heat-transfer", "critical-ratio", "chamber-leak", "valve-leak", "valve-hysteresis", "valve-lag"),
+    *("line-delay", "pressure-lag", "supply-droop"),
 )
 SEEDS = (14, 21)
 SLIGHT = 0.01
@@ -115,10 +123,11 @@ class TrueGradient:
 
 
 def map_rows(
-    folder: Path, kind: str, condition: str, seed: int, *, is_small: bool = False
+    folder: Path, kind: str, condition: str, seed: int, *, hidden: Sequence[str] = (), is_small: bool = False
 ) -> Iterator[tuple[int, str, list[float]]]:
     """Yield chamber, what the map is, and the figures, of each chamber of a case."""
-    truth = generate_case(folder, kind, (), "", 1.0, seed, parse(condition))
+    truth: dict[str, Any] = generate_case(folder, kind, tuple(hidden), "", 1.0, seed, parse(condition))
+    known = truth["base"] | {k: v for one in truth["hidden"].values() for k, v in one.items() if k in truth["base"]}
     path = folder / "pipeline.toml"
     if kind == "axis":
         path.write_text(_without_vessel(path.read_text()))
@@ -126,7 +135,7 @@ def map_rows(
         rigs.shorten(path)
     seen = ingest.run(Context(path, load(path), folder / "ingest", folder))
     answer = identify.run(Context(path, load(path), folder / "identify", folder, answers={"ingest": seen}))
-    true = TrueGradient(truth["base"], tomllib.loads(path.read_text())["rig"])  # type: ignore[arg-type]
+    true = TrueGradient(known, tomllib.loads(path.read_text())["rig"])
     for chamber, name in ((1, "valve"), (2, "valve_2")):
         if name in answer:
             volume = answer[name]["volume"]["value"]
@@ -178,6 +187,20 @@ def print_maps(arguments: Sequence[str], *, is_small: bool) -> None:
         for (chamber, what), figures in found.items():
             means = [f"{100 * x:.3g} %" for x in np.nanmean(figures, axis=0)]
             print(f"| {name} | {chamber} | {what} | {' | '.join(means)} |", flush=True)
+
+
+def print_missing(arguments: Sequence[str], *, is_small: bool) -> None:
+    """Print a row for each effect that the model lacks: the mean of the figures of the map over the seeds."""
+    seeds = SEEDS[:1] if is_small else [int(seed) for seed in arguments] or SEEDS
+    print("| effect | covered | median | 95 % | truth inside |")
+    print("| --- | --- | --- | --- | --- |")
+    for effect in MISSING[:1] if is_small else MISSING:
+        found = []
+        for seed in seeds:
+            with tempfile.TemporaryDirectory() as folder:
+                of_case = map_rows(Path(folder) / "case", "valve", "usual", seed, hidden=[effect], is_small=is_small)
+                found += [figures[:4] for _, _, figures in of_case]
+        print(f"| {effect} | {' | '.join(f'{100 * x:.3g} %' for x in np.mean(found, axis=0))} |", flush=True)
 
 
 DRAWS, SMALL_DRAWS = 10_000, 60
@@ -235,11 +258,9 @@ def charge_budget(c: float, u: float) -> Budget:
     rig = replace(RIG, supply_pressure=SUPPLY, vessel_volume=VOLUME)
     model = Model(rig, (), {"rig.vessel_volume": VOLUME}, ValveArea((-10.0, 10.0), (1e-6, 1e-6)))
     spread = np.exp(Z95 * RATE_ERROR)
-    other = Characteristic(0.3, 0.2, 0.4)
-    one = IsoConductance(u, Characteristic(c, c / spread, c * spread), other, other)
-    valve: Any = SimpleNamespace(
-        label="valve", area_model=SimpleNamespace(model_gradient=SimpleNamespace(model=model), supply=SUPPLY)
-    )
+    other = Figure(0.3, 0.2, 0.4)
+    one = IsoConductance(u, Figure(c, c / spread, c * spread), other, other)
+    valve: Any = SimpleNamespace(label="valve", model_gradient=SimpleNamespace(model=model, supply=SUPPLY))
     return budget_of_conductance(valve, one, replace(MEASUREMENT, volume_sigma=SIGMA_VOLUME), fitted_volume=False)
 
 
@@ -483,7 +504,12 @@ def print_commands(arguments: Sequence[str], *, is_small: bool) -> None:
     rigs.on_folders([*arguments, *([rigs.SMALL] if is_small else [])], print_table_of_commands)
 
 
-TABLES: dict[str, Callable[..., object]] = {"maps": print_maps, "budgets": print_budgets, "commands": print_commands}
+TABLES: dict[str, Callable[..., object]] = {
+    "maps": print_maps,
+    "missing": print_missing,
+    "budgets": print_budgets,
+    "commands": print_commands,
+}
 
 
 def main(arguments: list[str]) -> int:

@@ -77,38 +77,23 @@ def _cracking(u: float | None, pressure: tuple[float, float, float], count: int,
     return f"nothing flows below a pressure difference of {opens}{where}: a check or a relief valve opens there"
 
 
-def _critical_ratio(measured: tuple[float, float, float], **values: float) -> str:
-    value, *ends = measured
-    return fill_in(
-        "at {count} of {commands} commands the curve shows another critical ratio than the model has, {model:.3g}; "
-        "most at {command:.4g} V: {measured}",
-        **values,
-        measured=format_interval(value, "1", ends),
-    )
-
-
 VALVE: Mapping[str, Template] = {
     "valve-not-described": (
         "the map of the valve reaches {largest:4 Pa/s}, its curves show no more than {measured:4 Pa/s}; do not use it, "
         "and see what ingest finds implausible"
     ),
-    "valve-resampled": (
-        "{count} recordings are sampled unevenly and were put on an even clock for the map, which adds an error of up "
-        "to {error:4 Pa} to p1 ({recording})"
-    ),
     "valve-curves-not-followed": (
-        "the map leaves {residual:noise} × noise on its own curves; no static map can describe this: heat transfer, "
-        "valve lag, hysteresis or supply droop, which the model lacks, or a vessel that is full within some samples"
+        "the model leaves {residual:noise} × noise on the curves of the valve: an effect is missing, of valve, gas or "
+        "supply, or of the axis that shared the fit; or the vessel is full within some samples"
     ),
     "valve-not-foreseen": (
-        "the map leaves {residual:noise} × noise on held-out curves; take commands between those that were fitted, or "
+        "the model leaves {residual:noise} × noise on held-out curves; take commands between the fitted ones, or "
         "record more of them"
     ),
     "valve-lack-of-fit": (
-        "the model's valve is off the measured {reference} by {median:%} in the median, {p95:%} at the 95th "
+        "the model's valve is off the measured gradients by {median:%} in the median, {p95:%} at the 95th "
         "percentile, outside both 95 % intervals at {outside:%} of the points: pneucli diagnose says what it may lack"
     ),
-    "valve-critical-ratio": _critical_ratio,
     "flow-uphill": (
         "in {rows} of {of} rows gas flows toward the higher pressure, as a pump or a compressor makes it: no area "
         "describes that; check whether p_supply and p1 are exchanged"
@@ -182,7 +167,6 @@ OTHERS: Mapping[str, Template] = {
         "more digits, on a finer scale or at a higher rate, or state its noise in [signals] x"
     ),
     "fit-subsampled": "{used} of {samples} samples are fitted: evenly spaced segments of the longest recordings",
-    "no-measured-map": "no measured map of chamber {chamber}: {where}: {found}; the map is that of the model's valve",
     "no-map": "no valve map: {where}: {found}",
     "effects-idle": (
         "[model] effects {names}: they do not act on a steady bench, which has neither time nor a cylinder"

@@ -40,23 +40,25 @@ class Assumption:
 
 @dataclass(frozen=True)
 class ValveDeviation:
-    """How far the model's valve is off the measured gradients, as shares of them; ``share_outside`` of the points."""
+    """How far the model's valve is off measured gradients, as shares of them; ``share_outside`` of the points."""
 
     median: float | None
     p95: float | None
     share_outside: float | None
 
-    def clause(self, what: str) -> str:
-        """Return the deviation in words."""
+    @property
+    def text(self) -> str:
+        """The deviation in words."""
+        what = "measured gradients"
         if self.median is None or self.p95 is None or self.share_outside is None:
-            return f" cannot be compared with {what}: there are no points with flow"
+            return f"its valve cannot be compared with {what}: none is known to 10 %"
         off = f"{format_percent(self.median)} in the median, {format_percent(self.p95)} at the 95th percentile"
-        return f" is off {what} by {off}, outside both intervals at {format_percent(self.share_outside)}"
+        return f"its valve is off {what} by {off}, outside both intervals at {format_percent(self.share_outside)}"
 
 
 @dataclass(frozen=True)
 class MapResidual:
-    """The residual of the map over the noise, on its own curves and on held-out ones, and by recording."""
+    """The residual of the model over the noise, on fitted curves and on held-out ones, and by recording."""
 
     train: float | None
     test: float | None
@@ -65,7 +67,7 @@ class MapResidual:
 
 @dataclass(frozen=True)
 class Valve:
-    """The valve's paths at one chamber; ``map`` is ``measured``, or that of the ``model``."""
+    """The valve's paths at one chamber; ``map``: ``measured`` on a vessel, or ``model``, on a driven piston."""
 
     map: str
     volume: Mapping[str, Any] | None
@@ -76,16 +78,12 @@ class Valve:
 
     @property
     def text(self) -> str:
-        """How well the measured map follows its curves, and the model the map."""
-        residual, lack = self.residual, self.lack_of_fit
+        """How well the model follows the curves and the measured gradients."""
         if self.map == "model":
-            clause = lack.clause("measured gradients")
-            return f"no vessel was filled: the map is that of the model's valve, which{clause}"
-        held = "" if residual.test is None else f", {format_noise_ratio(residual.test)} × noise on held-out ones"
-        text = f"the measured map leaves {format_noise_ratio(residual.train)} × noise on its curves{held}"
-        if lack.median is None:
-            return f"{text}; no command was covered"
-        return f"{text}; the model's valve{lack.clause('it')}"
+            return f"no vessel was filled: the map is that of the model; {self.lack_of_fit.text}"
+        ratios = ((self.residual.train, "the curves"), (self.residual.test, "held-out ones"))
+        left = [f"{format_noise_ratio(ratio)} × noise on {where}" for ratio, where in ratios if ratio is not None]
+        return f"the model leaves {', '.join(left) or 'no noise to compare with'}; {self.lack_of_fit.text}"
 
     def iso_rows(self, label: str) -> list[tuple[str, ...]]:
         """Return the characteristics of ISO 6358 by command: command, C, b, m."""

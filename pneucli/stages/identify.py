@@ -22,7 +22,6 @@ from pneucli.identify.residuals import with_channel_weights
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.moving_piston import identify_valve_on_piston
 from pneucli.identify.valve.result import ValveIdentification
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.io.artifacts import Tables
@@ -210,20 +209,11 @@ def _identify_valves(study: PipelineData, found: Fit, warnings: list[str]) -> li
 def _identify_chamber_valve(
     study: PipelineData, found: Fit, chamber: Chamber, warnings: list[str]
 ) -> ValveIdentification | None:
-    shown = [
-        e
-        for e in valve_driven(study.experiments)
-        if e.recording.use == "train" and as_valve_test(e, chamber) is not None
-    ]
-    if not shown:
+    driven = (e for e in valve_driven(study.experiments) if e.recording.use == "train")
+    if all(as_valve_test(e, chamber) is None for e in driven):
         return None
     try:
-        if any(e.vessel for e in shown):
-            return identify_valve(study.experiments, found, chamber)
-    except InputError as error:
-        warnings.append(tell("no-measured-map", chamber=chamber, where=error.where, found=error.found))
-    try:
-        return identify_valve_on_piston(study.experiments, found, chamber)
+        return identify_valve(study.experiments, found, chamber)
     except InputError as error:
         warnings.append(tell("no-map", where=error.where, found=error.found))
         return None

@@ -17,7 +17,6 @@ from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.identify.residuals import ResidualModel
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
@@ -252,7 +251,7 @@ def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Esti
             | dict.fromkeys(GRADIENT_COLUMNS, "Pa/s"),
         ),
     }
-    both = valves[0].area_model.model_gradient.model.rig.arrangement.drives_both
+    both = valves[0].model_gradient.model.rig.arrangement.drives_both
     for name, (columns, units) in kinds.items():
         parts = [columns(valve) for valve in valves]
         if both:
@@ -314,7 +313,7 @@ def _lack_of_fit_columns(valve: ValveIdentification) -> Columns:
 def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Columns:
     """Return the effective areas of the model's valve."""
     found = {e.name: e for e in estimates}
-    areas = [(c, found[name]) for c, name in valve.area_model.model_gradient.valve.area_names.items() if name in found]
+    areas = [(c, found[name]) for c, name in valve.model_gradient.valve.area_names.items() if name in found]
     return {
         "u": valve.command_conversion.from_opening(np.array([c for c, _ in areas])),
         "opening": np.array([c for c, _ in areas]),
@@ -339,23 +338,20 @@ def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDAr
 
     NaN if the volume of the vessel is unknown.
     """
-    model = valve.area_model.model_gradient.model
+    model = valve.model_gradient.model
     base, volume = model.base_values(), known_vessel_volume(model)
     per_flow = base["rig.polytropic_exponent"] * base["rig.gas_constant"] * base["rig.gas_temperature"]
     return gradient * ((np.nan if volume is None else volume) / per_flow)
 
 
 def iso_parameters(valve: ValveIdentification) -> dict[str, Figure]:
-    """Return ISO 6358-1 characteristics by command: name, value, 95 % interval; and what the curves show."""
-    found = {}
-    names = {"C": ("sonic_conductance", "m^3/(s Pa)"), "b": ("critical_ratio", "1"), "m": ("subsonic_index", "1")}
-    for one in valve.iso:
-        for letter, (name, unit) in names.items():
-            figure: Characteristic = getattr(one, letter)
-            found[f"{valve.label}.{name}({one.u:+.4g} V)"] = Figure(figure.value, figure.low, figure.high, unit)
-            if figure.measured is not None:
-                found[f"{valve.label}.{name}_of_curve({one.u:+.4g} V)"] = Figure(*figure.measured, unit)
-    return found
+    """Return ISO 6358-1 characteristics by command: name, value, 95 % interval."""
+    names = {"C": "sonic_conductance", "b": "critical_ratio", "m": "subsonic_index"}
+    return {
+        f"{valve.label}.{name}({one.u:+.4g} V)": getattr(one, letter)
+        for one in valve.iso
+        for letter, name in names.items()
+    }
 
 
 def valve_answer(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Valve:
@@ -379,28 +375,16 @@ def valve_findings(valve: ValveIdentification) -> Iterator[Finding]:
     """Yield what users must know before they use the map or the model of the valve: a code and its numbers."""
     if not valve.is_consistent:
         yield Finding("valve-not-described", {"largest": valve.max_gradient, "measured": valve.max_measured_gradient})
-    if valve.resampled:
-        recording, error = max(valve.resampled, key=lambda one: one[1])
-        yield Finding("valve-resampled", {"count": len(valve.resampled), "error": error, "recording": recording})
     train, test = valve.residual_to_noise("train") or 0.0, valve.residual_to_noise("test") or 0.0
     if train > MAX_TRAIN_RESIDUAL:
         yield Finding("valve-curves-not-followed", {"residual": train})
     if test > max(MAX_TRAIN_RESIDUAL, MAX_TEST_TO_TRAIN * train):
         yield Finding("valve-not-foreseen", {"residual": test})
-    yield from lack_of_fit_findings(valve.lack_of_fit, "map" if valve.measured else "gradients")
-    yield from _critical_ratio_findings([one for one in valve.iso if one.b.is_contradicted], len(valve.iso))
+    yield from lack_of_fit_findings(valve.lack_of_fit)
 
 
-def lack_of_fit_findings(lack: LackOfFit, reference: str = "map") -> Iterator[Finding]:
+def lack_of_fit_findings(lack: LackOfFit) -> Iterator[Finding]:
     """Yield the difference of the model's valve from the measured one, where it is significant."""
     if lack.is_significant:
         numbers = {"median": lack.median, "p95": lack.p95, "outside": lack.share_outside}
-        yield Finding("valve-lack-of-fit", {"reference": reference} | numbers)
-
-
-def _critical_ratio_findings(contradicted: Sequence[IsoConductance], commands: int) -> Iterator[Finding]:
-    if contradicted:
-        one = max(contradicted, key=lambda i: abs((i.b.measured or (i.b.value,))[0] - i.b.value))
-        measured = one.b.measured or (one.b.value, one.b.low, one.b.high)
-        numbers = {"count": len(contradicted), "commands": commands, "model": one.b.value, "command": one.u}
-        yield Finding("valve-critical-ratio", {**numbers, "measured": measured})
+        yield Finding("valve-lack-of-fit", numbers)

@@ -124,8 +124,8 @@ class Decay:
         self,
         start: tuple[float, float],
         at_start: np.ndarray | None = None,
-        approximation: Approximation[np.ndarray] | None = None,
-    ) -> Solution[np.ndarray]:
+        approximation: Approximation | None = None,
+    ) -> Solution:
         return minimise(
             self,
             self.jacobian,

@@ -71,10 +71,10 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert 0.85 <= np.mean(held) <= 1.0  # two draws, each of errors that go together
 
 
-def test_the_model_of_the_valve_is_the_map(base):
-    """One valve: where the curves need nothing that the model lacks, its area x flow function is what they show."""
+def test_measured_gradients_are_those_of_the_model(base):
+    """The noise of the gradients themselves is in the difference; nothing remains beyond it."""
     assert base.lack_of_fit.median < 0.005
-    assert base.lack_of_fit.p95 < 0.02
+    assert base.model_gradient.relative_misfit < 0.005
     assert not base.lack_of_fit.is_significant
     assert base.is_consistent
 
@@ -123,18 +123,20 @@ def test_zero_flow_is_the_middle_of_the_overlap(base):
     assert reachable.all()
 
 
-def test_the_map_follows_another_flow_function_and_says_that_the_model_does_not():
-    """b = 0.2 in truth, 0.528 in the base model: the correction must make up for it, and the table must tell."""
+def test_another_flow_function_is_told_and_stands_in_the_interval():
+    """b = 0.2 in truth, 0.528 in the base model: measured gradients show it, and the interval allows for it."""
     found = identify(recordings(2, b=0.2))
     truth = truth_of(found, b=0.2)
-    largest = np.abs(truth).max()
-    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * largest
-    assert found.lack_of_fit.is_significant
-    expected = truth - found.lack_of_fit.model
-    assert np.sqrt(np.mean((found.lack_of_fit.difference - expected)[found.map.covered] ** 2)) < 0.015 * largest
+    told = found.map.covered & (np.abs(truth) > 0.01 * np.abs(truth).max())
+    held = (found.map.ci_low <= truth) & (truth <= found.map.ci_high)
+    assert held[told].mean() > 0.9
+    lack = found.lack_of_fit
+    assert lack.is_significant
+    truth = true_gradient(lack.u, lack.p, b=0.2)
+    off = (lack.measured - truth)[lack.has_flow]
+    assert np.sqrt(np.mean(off**2)) < 0.015 * np.abs(truth).max()
     b = next(i for i in found.iso if i.u == 10.0).b
     assert b.value == 0.528  # the model's
-    assert b.measured[0] == pytest.approx(0.2, abs=0.08)  # the curve's
     assert b.low < 0.2
     assert b.high >= 0.528
 
@@ -148,18 +150,19 @@ def test_with_the_effect_the_lack_of_fit_is_gone():
     assert b.high - b.low < 0.1
 
 
-def test_the_map_follows_a_leak_in_and_out_of_the_model():
+def test_a_leak_out_of_the_model_is_told_and_stands_in_the_interval():
     for effects in ((), ("chamber-leak",)):
         found = identify(recordings(3, leak=3e-8), effects=effects)
         truth = truth_of(found, leak=3e-8)
-        assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.015 * np.abs(truth).max()
+        assert share_held(found, truth) > 0.9
         assert found.lack_of_fit.is_significant == (not effects)
-        at_rest = found.gradient(np.array(0.0), np.array(5e5))
-        assert at_rest == pytest.approx(true_gradient(0.0, 5e5, leak=3e-8), rel=0.3)
+    assert np.sqrt(np.mean((found.map.gradient - truth) ** 2)) < 0.005 * np.abs(truth).max()
+    at_rest = found.gradient(np.array(0.0), np.array(5e5))
+    assert at_rest == pytest.approx(true_gradient(0.0, 5e5, leak=3e-8), rel=0.3)
 
 
-def test_what_other_recordings_did_to_the_model_does_not_bend_the_map():
-    """A valve 5 % too large, as an axis with an unknown leak may have it: the model is off, the map is not."""
+def test_what_other_recordings_did_to_the_model_is_told_and_stands_in_the_interval():
+    """A valve 5 % too large, as an axis with an unknown leak may have it: valve tests show that the model is off."""
     tests = recordings(1)
     found = fitted(tests, RIG)
     larger = [replace(e, value=1.05 * e.value) if "area" in e.name else e for e in found.estimates]
@@ -167,8 +170,7 @@ def test_what_other_recordings_did_to_the_model_does_not_bend_the_map():
     time = np.arange(0.0, 1.0, 1e-3)
     other = Recording("driven", "friction", "train", time, {"x": 0.1 + 0.05 * np.sin(6 * time), "force": 20 * time})
     seen = identify_valve([prepare(r, RIG, 0.5) for r in (*tests, other)], bent)
-    truth = truth_of(seen)
-    assert np.sqrt(np.mean((seen.map.gradient - truth) ** 2)) < 0.005 * np.abs(truth).max()
+    assert share_held(seen, truth_of(seen)) > 0.95
     assert seen.lack_of_fit.median == pytest.approx(0.05, abs=0.01)
     assert seen.lack_of_fit.is_significant
     largest = next(i for i in seen.iso if i.u == 10.0)
@@ -179,11 +181,10 @@ def test_iso_characteristics_are_those_of_the_models_area(base):
     """C = A 0.484 sqrt(2 / (R T0)) / rho0 by comparing ISO 6358-1 with thesis 2.46; b = 0.528, m = 0.5 (ellipse)."""
     largest = next(i for i in base.iso if i.u == 10.0)
     unit = 0.484 * np.sqrt(2 / (287.0 * 293.15)) / 1.185
-    modelled = float(base.area_model.model_gradient.model.valve(np.array(10.0)))
+    modelled = float(base.model_gradient.model.valve(np.array(10.0)))
     assert largest.C.value == pytest.approx(unit * modelled, rel=1e-6)
     assert largest.C.value == pytest.approx(unit * AREA, rel=0.01)
     assert largest.b.value == 0.528
-    assert largest.b.measured[0] == pytest.approx(0.528, abs=0.05)
     assert largest.m.value == 0.5
 
 
@@ -207,14 +208,15 @@ def test_without_a_volume_there_is_no_conductance():
     assert np.sqrt(np.mean((found.map.gradient - truth)[found.map.covered] ** 2)) < 0.015 * np.abs(truth).max()
 
 
-def test_a_dead_sensor_is_the_users_to_mend():
+def test_a_dead_sensor_covers_nothing_and_compares_with_nothing():
     tests = recordings(0)
     found = fitted(tests, RIG)
     one = tests[0]
     signals = {**one.signals, "p1": np.full(one.time.size, 3e5)}
     dead = Recording("dead", "valve", "train", one.time, signals, {"p1": NoiseModel(0.0)})
-    with pytest.raises(InputError, match="p1 has no noise at all"):
-        identify_valve([prepare(dead, RIG, 0.5)], found)
+    seen = identify_valve([prepare(dead, RIG, 0.5)], found)
+    assert not seen.map.covered[:, np.abs(seen.map.p - 3e5) > 2e4].any()
+    assert seen.residual_to_noise("train") is None
 
 
 def test_a_command_of_the_wrong_sign_is_the_users_to_mend():
@@ -233,10 +235,9 @@ def test_missing_signals_and_tests_are_the_users_to_mend():
         with pytest.raises(InputError, match=match):
             identify_valve([prepare(bare, rig, 0.5)], replace(found, model=replace(found.model, rig=rig)))
 
-    with pytest.raises(InputError, match="no valve test"):
+    with pytest.raises(InputError, match="no flow into chamber 1"):
         identify_valve([], found)
-    refused("no signal u", {"p1": one["p1"]})
-    refused("p_supply", {"u": one["u"], "p1": one["p1"]}, Rig(vessel_volume=2e-4))
+    refused("no flow into chamber 1", {"p1": one["p1"]})
     refused("zero throughout", {"u": 0 * one["u"], "p1": one["p1"]})
 
 
@@ -258,7 +259,7 @@ def test_the_other_way_of_a_spool_has_a_map_at_the_commands_that_went_out():
 
 
 def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
-    both = replace(base, area_model=_arranged(base, "5/3"))
+    both = replace(base, model_gradient=_arranged(base, "5/3"))
     second = replace(both, chamber=2, map=replace(base.map, gradient=2.0 * base.map.gradient))
     for valves in ([base], [both, second]):
         write_valves(valves, (), Tables(tmp_path, "identify", Provenance({}, {})))
@@ -272,9 +273,8 @@ def test_two_chambers_have_a_column_and_one_has_none(tmp_path, base):
 
 
 def _arranged(found: ValveIdentification, arrangement):
-    trend = found.area_model.model_gradient
-    rig = replace(trend.model.rig, valve_arrangement=arrangement)
-    return replace(found.area_model, model_gradient=replace(trend, model=replace(trend.model, rig=rig)))
+    model = found.model_gradient.model
+    return replace(found.model_gradient, model=replace(model, rig=replace(model.rig, valve_arrangement=arrangement)))
 
 
 def ramped(top: float = 10.0) -> Recording:

@@ -8,7 +8,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.valve.moving_piston import identify_valve_on_piston, mid_stroke_volume
+from pneucli.identify.valve.identification import identify_valve, mid_stroke_volume
 from pneucli.identify.valve.result import ValveIdentification
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -37,7 +37,7 @@ def driven() -> tuple[list[Experiment], Fit]:
 @cache
 def found(chamber: int) -> ValveIdentification:
     shown, fitted = driven()
-    return identify_valve_on_piston(shown, fitted, 1 if chamber == 1 else 2)
+    return identify_valve(shown, fitted, 1 if chamber == 1 else 2)
 
 
 def true_gradient(u: np.ndarray, p: np.ndarray, chamber: int, volume: float) -> np.ndarray:
@@ -94,7 +94,7 @@ def test_the_lack_of_fit_is_that_of_measured_gradients() -> None:
     assert found(1).lack_of_fit.median < 0.05
     assert not found(1).lack_of_fit.is_significant
     larger = replace(fitted, model=replace(fitted.model, valve=fitted.model.valve.scaled(1.25)))
-    lack = identify_valve_on_piston(shown, replace(larger, estimates=_scaled(fitted, 1.25)), 1).lack_of_fit
+    lack = identify_valve(shown, replace(larger, estimates=_scaled(fitted, 1.25)), 1).lack_of_fit
     assert lack.median == pytest.approx(0.25, abs=0.05)
     assert lack.is_significant
 
@@ -107,4 +107,4 @@ def test_unrecorded_paths_have_no_map() -> None:
     shown, fitted = driven()
     held_out = [replace(shown[0], recording=replace(shown[0].recording, use="test"))]
     with pytest.raises(InputError, match="no flow into chamber 1"):
-        identify_valve_on_piston(held_out, fitted, 1)
+        identify_valve(held_out, fitted, 1)

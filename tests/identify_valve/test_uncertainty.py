@@ -13,7 +13,7 @@ from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.valve import charge_budget
 from pneucli.identify.valve.charge_budget import Vessel, conductance_factor
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance
+from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.uncertainty import (
     Budget,
@@ -27,16 +27,16 @@ from tests.identify_valve.steady_bench import AMBIENT, as_recording, bench_rows
 from tests.simulate.synthetic_experiments import VALVE, model
 
 C = 4e-9
-B = Characteristic(0.3, 0.2, 0.4)
+B = Figure(0.3, 0.2, 0.4)
 
 
 def charge_valve(u: float = 5.0, values: dict[str, float] | None = None, names: tuple[str, ...] = ()) -> Any:
     """A valve at one command with C known to 0.3 %, on a vessel of 160 cm^3."""
     what = model(names, {"rig.vessel_volume": 160e-6} | (values or {}))
     spread = 1.959964 * 0.003
-    c = Characteristic(C, C * np.exp(-spread), C * np.exp(spread))
-    law = SimpleNamespace(model_gradient=SimpleNamespace(valve=VALVE, model=what), supply=7e5)
-    return SimpleNamespace(iso=(IsoConductance(u, c, B, B),), label="valve", area_model=law)
+    c = Figure(C, C * np.exp(-spread), C * np.exp(spread))
+    law = SimpleNamespace(valve=VALVE, model=what, supply=7e5)
+    return SimpleNamespace(iso=(IsoConductance(u, c, B, B),), label="valve", model_gradient=law)
 
 
 NOTHING_STATED = Measurement()
@@ -126,7 +126,7 @@ def test_the_even_law_of_coarse_inputs_is_that_of_draws() -> None:
 
 def test_an_area_that_the_curves_hardly_show_has_a_finite_budget() -> None:
     valve = charge_valve()
-    valve.iso = (replace(valve.iso[0], C=Characteristic(C, 1e-205 * C, 1e200 * C)),)
+    valve.iso = (replace(valve.iso[0], C=Figure(C, 1e-205 * C, 1e200 * C)),)
     budget = budget_of(valve)
     assert np.isfinite([budget.combined, *interval(budget), *(budget.share(one) for one in budget.contributions)]).all()
     assert budget.figure.high >= 0.99e200 * C
@@ -134,7 +134,7 @@ def test_an_area_that_the_curves_hardly_show_has_a_finite_budget() -> None:
 
 @pytest.mark.parametrize(("ends", "known"), [((0.9, 1.1), True), ((1.0, 1.0), False), ((0.9, np.inf), False)])
 def test_an_area_at_its_bound_has_no_budget(ends: tuple[float, float], known: bool) -> None:
-    assert charge_budget._has_interval(Characteristic(C, ends[0] * C, ends[1] * C)) == known
+    assert charge_budget._has_interval(Figure(C, ends[0] * C, ends[1] * C)) == known
 
 
 def test_a_model_with_heat_transfer_leaves_no_thermal_state_open() -> None:

@@ -9,13 +9,9 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import require_finite
-from pneucli.identify.valve.fit import autocovariances, averaged_noise_autocovariance
-from pneucli.identify.valve.model_gradient import whitening_matrix
 from pneucli.identify.valve.result import ValveIdentification
-from pneucli.identify.valve.transients import average_readings
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.local_polynomials import autocovariance
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
@@ -58,11 +54,11 @@ def is_sound(found: ValveIdentification) -> None:
         grid.ci_high,
         inverse.u,
         found.lack_of_fit.model,
-        found.posterior.covariance,
+        found.model_gradient.covariance,
     ):
         assert np.isfinite(numbers).all()
     assert (grid.ci_low <= grid.ci_high).all()
-    assert np.linalg.eigvalsh(found.posterior.covariance).min() > -1e-9
+    assert np.linalg.eigvalsh(found.model_gradient.covariance).min() > -1e-9
     for one in found.iso:
         assert np.isfinite([one.C.low, one.C.high, one.b.low, one.b.high, one.m.low, one.m.high]).all()
     told = [code for code, _ in valve_findings(found)]
@@ -97,12 +93,11 @@ def test_no_valve_test_ends_in_numbers_that_are_none(
 
 
 def test_commands_that_are_held_for_a_few_readings_are_enough() -> None:
-    """Five readings each at 100 Hz: fewer than the filter of the noise looks back."""
+    """Five readings each at 100 Hz: fewer than a smoother may want."""
     tests, rig = bench(2e-4, 7e5, 0.3, 1.0, 100.0, LAW, "filling")
     few = [replace(r, time=r.time[5:18], signals={n: y[5:18] for n, y in r.signals.items()}) for r in tests]
     found = identify(few, rig)
     is_sound(found)
-    assert found.posterior.simulated.shape == (5, 2 * len(LAW))
     assert found.map.covered.any()
 
 
@@ -124,33 +119,6 @@ def test_commands_between_two_far_ones_are_not_reachable_where_one_never_was() -
     assert found.map.covered[np.ix_(between, (found.map.p > 1.5e5) & (found.map.p < reached_by_1_volt - 5e3))].all()
 
 
-def test_with_every_other_sample_missing_there_is_no_correlation_of_neighbours() -> None:
-    valid = (np.arange(400) % 2 == 0)[:, None]
-    residual = np.random.default_rng(0).standard_normal((400, 1))
-    found = autocovariances(residual, valid)
-    assert np.isfinite(found).all()
-    assert found[1] == 0.0
-    assert found[0] == pytest.approx(1.0, abs=0.3)  # 200 samples: a variance is within 3 sqrt(2 / 200)
-
-
-def test_the_noise_of_averaged_readings_is_that_of_their_means() -> None:
-    noise = NoiseModel(white=100.0, coloured=300.0, pole=0.8)
-    assert averaged_noise_autocovariance(noise, 1, 3) == pytest.approx(autocovariance(noise, 3))
-    means = noise.draw(1e-3 * np.arange(400_000), np.random.default_rng(0)).reshape(-1, 5).mean(axis=1)
-    expected = [np.mean(means**2), np.mean(means[1:] * means[:-1])]
-    assert averaged_noise_autocovariance(noise, 5, 2) == pytest.approx(expected, rel=0.03)
-
-
-def test_readings_are_averaged_but_not_the_command_and_gaps_stay_gaps() -> None:
-    p = np.array([1.0, 3.0, 5.0, np.nan, np.nan, 9.0, 7.0])
-    rows = np.array([np.arange(7.0), [2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], np.ones(7), p])
-    found = average_readings(rows, 3)
-    assert found[0].tolist() == [1.0, 4.0]
-    assert found[1].tolist() == [4.0, 7.0]  # as it stands midway from one mean to the next
-    assert found[3, 0] == 3.0
-    assert np.isnan(found[3, 1])  # two of three are missing
-
-
 class Endless:
     """A view of a recording that the model has no numbers for."""
 
@@ -168,12 +136,3 @@ def test_a_model_without_finite_numbers_is_the_inputs_fault(value: float) -> Non
     require_finite(model, [Endless(1.0)])  # type: ignore[list-item]
     with pytest.raises(InputError, match="no finite p1 for step"):
         require_finite(model, [Endless(value)])  # type: ignore[list-item]
-
-
-def test_errors_become_independent_ones_of_size_1_even_where_a_covariance_is_none() -> None:
-    covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
-    white = whitening_matrix(covariance, 1e-3)
-    assert white @ covariance @ white.T == pytest.approx(np.eye(2), abs=1e-9)
-    broken = whitening_matrix(np.array([[1.0, 2.0], [2.0, np.nan]]), 1e-3)  # neither positive nor a number
-    assert np.isfinite(broken).all()
-    assert np.abs(np.linalg.svd(broken, compute_uv=False)).max() <= 1e3 * (1 + 1e-9)

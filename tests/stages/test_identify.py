@@ -122,7 +122,7 @@ def test_one_valve(demo: Demo) -> None:
 def test_what_the_model_lacks_of_the_valve_is_a_warning_with_numbers() -> None:
     lack = SimpleNamespace(is_significant=True, median=0.047, p95=0.2, share_outside=0.61)
     assert [one.text for one in lack_of_fit_findings(lack)] == [  # type: ignore[arg-type]
-        "valve-lack-of-fit: the model's valve is off the measured map by 5 % in the median, 20 % at the 95th "
+        "valve-lack-of-fit: the model's valve is off the measured gradients by 5 % in the median, 20 % at the 95th "
         "percentile, outside both 95 % intervals at 61 % of the points: pneucli diagnose says what it may lack"
     ]
     lack.is_significant = False
@@ -138,7 +138,6 @@ def test_a_map_beyond_all_measure_is_named() -> None:
         max_measured_gradient=2e6,
         lack_of_fit=calm,
         iso=(),
-        resampled=(),
         measured=True,
         residual_to_noise=lambda use: 7.0,
     )
@@ -154,9 +153,7 @@ def test_the_answer_is_json_and_words(demo: Demo) -> None:
     told = messages.render("identify", answer, "demo.toml")
     assert told.startswith("found    ")
     assert re.search(r"^friction.coulomb +1[34]\.\d+ ± 0\.\d\d+ N$", told, re.MULTILINE)
-    assert re.search(
-        r"^valve +the measured map leaves \S+ × noise on its curves, \S+ × noise on held-out", told, re.MULTILINE
-    )
+    assert re.search(r"^valve +the model leaves \S+ × noise on the curves, \S+ × noise on held-out", told, re.MULTILINE)
     assert told.endswith("pneucli compare demo.toml")
 
 

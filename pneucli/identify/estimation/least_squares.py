@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,18 +32,8 @@ MIN_COMPONENT = 1e-6  # of a unit direction, by which it changes a coordinate
 MIN_GAIN_RATIO = 0.25  # of the predicted decrease, as in trust regions: a step that gains less asks for new derivatives
 
 
-class NormalEquations(NamedTuple):
-    """The gradient J'r (k,) and the curvature J'J (k, k), where J itself would fill the memory."""
-
-    gradient: Array
-    curvature: Array
-
-
-J = TypeVar("J", Array, NormalEquations)
-
-
 @dataclass(frozen=True)
-class Approximation(Generic[J]):
+class Approximation:
     """How derivatives are corrected without a new evaluation.
 
     ``correct`` changes derivatives in place by a step, given by its start and its end, and by the change of the
@@ -51,13 +41,13 @@ class Approximation(Generic[J]):
     end with corrected derivatives.
     """
 
-    correct: Callable[[J, Array, Array, Array], None]
+    correct: Callable[[Array, Array, Array, Array], None]
     start_is_exact: bool = True
     suffices: bool = False
 
 
 @dataclass(frozen=True)
-class Solution(Generic[J]):
+class Solution:
     """The end of a search: coordinates z (k,), residuals (N,), derivatives (N, k), and the number of iterations.
 
     ``curvature`` (k, k) is that of the derivatives. ``stalled``: no step lowered the cost though the derivatives
@@ -66,17 +56,17 @@ class Solution(Generic[J]):
 
     z: Array
     residual: Array
-    jacobian: J
+    jacobian: Array
     curvature: Array
     iterations: int
     stalled: bool = False
 
 
-class _Derivatives(Generic[J]):
+class _Derivatives:
     """Derivatives, and their curvature from the first time that it is asked for: it costs more than a simulation."""
 
-    def __init__(self, jacobian: J) -> None:
-        self.jacobian: J = jacobian
+    def __init__(self, jacobian: Array) -> None:
+        self.jacobian = jacobian
         self._curvature: Array | None = None
 
     def changed(self) -> None:
@@ -86,19 +76,15 @@ class _Derivatives(Generic[J]):
     @property
     def curvature(self) -> Array:
         """The curvature J'J, shape (k, k); not finite where the model diverges."""
-        if isinstance(self.jacobian, NormalEquations):
-            return self.jacobian.curvature
         if self._curvature is None:
             with np.errstate(over="ignore", invalid="ignore"):  # a diverging model has no derivatives
                 self._curvature = np.asarray(self.jacobian.T @ self.jacobian)
         return self._curvature
 
-    def equations(self, residual: Array) -> NormalEquations:
-        """Return the normal equations with residuals (N,)."""
-        if isinstance(self.jacobian, NormalEquations):
-            return self.jacobian
+    def gradient(self, residual: Array) -> Array:
+        """Return the gradient J'r with residuals (N,), shape (k,); not finite where the model diverges."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return NormalEquations(np.asarray(self.jacobian.T @ residual), self.curvature)
+            return np.asarray(self.jacobian.T @ residual)
 
 
 class Step(NamedTuple):
@@ -114,16 +100,16 @@ class Step(NamedTuple):
 
 def minimise(
     residuals: Callable[[Array], Array],
-    jacobian: Callable[[Array], J],
+    jacobian: Callable[[Array], Array],
     start: Array,
     bounds: tuple[Array, Array],
     *,
     max_iterations: int,
     tolerance: float,
     callback: Callable[[float], None] = lambda cost: None,
-    initial_jacobian: J | None = None,
-    approximation: Approximation[J] | None = None,
-) -> Solution[J]:
+    initial_jacobian: Array | None = None,
+    approximation: Approximation | None = None,
+) -> Solution:
     """Minimise a sum of squares within bounds.
 
     Derivatives serve for more than one step while the steps gain as predicted: near the minimum, or, with an
@@ -131,7 +117,7 @@ def minimise(
 
     Args:
         residuals: Function of the coordinates (k,) to the residuals (N,).
-        jacobian: Function of the coordinates to the derivatives (N, k), or to the normal equations.
+        jacobian: Function of the coordinates to the derivatives (N, k).
         start: Coordinates to start from, shape (k,).
         bounds: Lower and upper bounds, each of shape (k,).
         max_iterations: Largest number of evaluations of ``jacobian``.
@@ -185,7 +171,7 @@ def _step(
     residuals: Callable[[Array], Array],
     z: Array,
     r: Array,
-    j: _Derivatives[J],
+    j: _Derivatives,
     bounds: tuple[Array, Array],
     damping: float,
     tries: int,
@@ -227,10 +213,10 @@ def _step(
 
 
 def _free_equations(
-    z: Array, r: Array, j: _Derivatives[J], bounds: tuple[Array, Array]
+    z: Array, r: Array, j: _Derivatives, bounds: tuple[Array, Array]
 ) -> tuple[NDArray[np.intp], Array, Array, tuple[Array, Array]]:
     """Return which coordinates may move, (f,), their gradient and curvature, and the room to their bounds."""
-    gradient, curvature = j.equations(r)
+    gradient, curvature = j.gradient(r), j.curvature
     is_determined = np.isfinite(gradient) & np.isfinite(curvature.diagonal()) & (curvature.diagonal() > 0)
     is_fixed = ((z <= bounds[0]) & (gradient > 0)) | ((z >= bounds[1]) & (gradient < 0)) | ~is_determined
     free = np.flatnonzero(~is_fixed)
@@ -238,7 +224,7 @@ def _free_equations(
     return free, gradient[free], curvature[np.ix_(free, free)], room
 
 
-def _promised_decrease(z: Array, r: Array, j: _Derivatives[J], bounds: tuple[Array, Array]) -> float:
+def _promised_decrease(z: Array, r: Array, j: _Derivatives, bounds: tuple[Array, Array]) -> float:
     """Return the decrease of the cost that the derivatives promise for a step without damping."""
     free, gradient, curvature, room = _free_equations(z, r, j, bounds)
     return _promised(gradient, curvature, room) if free.size else 0.0
@@ -282,21 +268,6 @@ def bounded_step(curvature: Array, gradient: Array, room: tuple[Array, Array]) -
         place = np.flatnonzero(inside)[first]
         step[place], inside[place] = limits[first], False
     return step
-
-
-def normal_equations(residual: Array, jacobian: Array) -> NormalEquations:
-    """Form the normal equations.
-
-    Args:
-        residual: Residuals, shape (N,).
-        jacobian: Their derivatives, shape (N, k).
-
-    Returns:
-        Gradient (k,) and curvature (k, k); not finite where the model diverges.
-
-    """
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverging model has no derivatives
-        return NormalEquations(jacobian.T @ residual, jacobian.T @ jacobian)
 
 
 def pseudo_inverse(curvature: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate
-from pneucli.identify.valve.iso6358 import Characteristic, IsoConductance, thermal_state_is_known
+from pneucli.identify.valve.iso6358 import IsoConductance, thermal_state_is_known
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.uncertainty import (
     DEFAULT_RELATIVE_VOLUME,
@@ -79,14 +79,12 @@ def with_budgets(
     for one in valve.iso:
         if _has_interval(one.C):
             budgets.append(budget_of_conductance(valve, one, measurement, fitted_volume=fitted_volume))
-            known = budgets[-1].figure
-            one = replace(one, C=Characteristic(known.value, known.low, known.high))  # noqa: PLW2901
-        budgets += _budgets_of_curve(valve, one)
+            one = replace(one, C=budgets[-1].figure)  # noqa: PLW2901
         iso.append(one)
     return replace(valve, iso=tuple(iso), budgets=tuple(budgets))
 
 
-def _has_interval(c: Characteristic) -> bool:
+def _has_interval(c: Figure) -> bool:
     """Return whether the fit knows how far C may be off; an area at its bound has no interval."""
     return 0.0 < c.low < c.high < math.inf
 
@@ -95,16 +93,16 @@ def budget_of_conductance(
     valve: ValveIdentification, one: IsoConductance, measurement: Measurement, *, fitted_volume: bool
 ) -> Budget:
     """Return the budget of C of a path whose interval is that of the curves' scatter."""
-    model, c = valve.area_model.model_gradient.model, one.C
+    model, c = valve.model_gradient.model, one.C
     fills = one.u > 0.0
     relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95)
     scatter = Contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
     stated = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
     for signal in USED_SIGNALS[fills]:
         if (calibration := measurement.calibrations.get(signal)) is not None:
-            stated += _sensor(signal, calibration, c.value, valve.area_model.supply, fills=fills)
+            stated += _sensor(signal, calibration, c.value, valve.model_gradient.supply, fills=fills)
     rest = math.hypot(*(part.contribution / c.value for part in (scatter, *stated)))
-    factors = _thermal_factors(model, c.value, valve.area_model.supply, fills=fills)
+    factors = _thermal_factors(model, c.value, valve.model_gradient.supply, fills=fills)
     thermal = []
     if factors != (1.0, 1.0):
         width = (factors[1] - factors[0]) / math.sqrt(12.0)  # of a rectangle
@@ -154,21 +152,6 @@ def _thermal_factors(model: Model, c: float, supply: float, *, fills: bool) -> t
     )
     least, largest = _thermal_range(vessel, c, fills=fills)
     return least, largest if volume is not None else vessel.kappa  # without a volume all heat is possible
-
-
-def _budgets_of_curve(valve: ValveIdentification, one: IsoConductance) -> Iterator[Budget]:
-    """Yield the budgets of b and m as the measured curve shows them: its noise, and the drift of the thermal state."""
-    for letter, name in (("b", "critical_ratio"), ("m", "subsonic_index")):
-        figure: Characteristic = getattr(one, letter)
-        if figure.measured is None or figure.parts is None:
-            continue
-        value, low, high = figure.measured
-        noise, drift = figure.parts
-        sources = [Contribution("scatter of the curve", "A", noise, "1", 1.0)]
-        if drift > 0.0:
-            sources.append(Contribution("drift of the thermal state", "B", drift, "1", 1.0))
-        full_name = f"{valve.label}.{name}_of_curve({one.u:+.4g} V)"
-        yield Budget(full_name, Figure(value, low, high, "1"), tuple(sources))
 
 
 def _thermal_range(vessel: Vessel, conductance: float, *, fills: bool) -> tuple[float, float]:

@@ -1,56 +1,29 @@
 """ISO 6358-1: sonic conductance, critical ratio and subsonic index for each command, of the model's own valve.
 
 C follows from the effective area and the choked flow function; b is the model's critical ratio and m = 0.5, since the
-flow function of the model is an ellipse. The measured map gives b and m too: they set the interval where the model
-assumes them, and widen it where they contradict the model.
+flow function of the model is an ellipse. Where the model assumes b or m, its interval is what industrial valves have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import cast
 
 import numpy as np
 
-from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.identify.estimation.least_squares import minimise
-from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import Posterior
-from pneucli.identify.valve.maps import Coverage, gradient_with_error
-from pneucli.identify.valve.model_gradient import whitening_matrix
 from pneucli.physics.gas import PSI_MAX, flow_constant
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from pneucli.quantities import Z95
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, ValveForm
 
 Interval = tuple[float, float]
 ELLIPSE_SUBSONIC_INDEX = 0.5  # m of an ellipse
-PRESSURE_POINTS = 41  # of pressure, at which the map is read
-MIN_RELATIVE_ERROR = 1e-3  # of the largest gradient: the floor of the map's standard error
-TYPICAL_B_M = np.array([0.35, 0.5])  # b and m of industrial valves: the prior where a curve does not determine them
+TYPICAL_B_M = np.array([0.35, 0.5])  # b and m of industrial valves: the prior where data do not determine them
 TYPICAL_B_M_SPREAD = np.array([0.2, 0.1])  # standard deviations of that prior
-ELLIPSE_BOUNDS = (np.array([-np.inf, 0.02, 0.2]), np.array([np.inf, 0.9, 1.5]))
-MAX_ERROR_RATIO = 0.5  # of that prior: a larger standard error means that the curve does not determine b or m
-
-
-@dataclass(frozen=True)
-class Characteristic(Figure):
-    """A characteristic; ``measured`` is that of the measured map: value, low, high.
-
-    ``parts`` are the standard uncertainties of the latter: of its noise, and of the thermal state.
-    """
-
-    measured: tuple[float, float, float] | None = None
-    parts: tuple[float, float] | None = None
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether the measured map excludes the value."""
-        return self.measured is not None and not self.measured[1] <= self.value <= self.measured[2]
 
 
 @dataclass(frozen=True)
@@ -64,22 +37,17 @@ class IsoConductance:
     """
 
     u: float
-    C: Characteristic
-    b: Characteristic
-    m: Characteristic
+    C: Figure
+    b: Figure
+    m: Figure
 
 
-def iso_conductances(
-    area_model: AreaModel, posterior: Posterior, fitted: Fit, coverage: Coverage, tested: Sequence[float]
-) -> tuple[IsoConductance, ...]:
+def iso_conductances(valve: ValveForm, fitted: Fit) -> tuple[IsoConductance, ...]:
     """Compute C, b and m at each command at which the model knows the valve's area.
 
     Args:
-        area_model: The area model of the measured map.
-        posterior: Its fitted parameters.
+        valve: The paths of the model.
         fitted: The fit of the model.
-        coverage: The region that data cover.
-        tested: Commands in V that were held.
 
     Returns:
         The characteristics, one entry a command.
@@ -88,29 +56,16 @@ def iso_conductances(
         ISO 6358-1:2013, pneumatic fluid power, determination of flow-rate characteristics.
 
     """
-    rig, model = fitted.model.rig, fitted.model
+    rig, estimates = fitted.model.rig, {e.name: e for e in fitted.estimates}
     choked_flux = flow_constant(rig.gas_constant, REFERENCE_TEMPERATURE, rig.heat_capacity_ratio)
     unit = PSI_MAX * choked_flux / REFERENCE_DENSITY
-    index_ratio = 1.0 if thermal_state_is_known(model) else rig.heat_capacity_ratio
-    estimates = {e.name: e for e in fitted.estimates}
-    b, interval = _critical_ratio(model, estimates)
-    out = []
-    for u, name in area_model.model_gradient.valve.area_names.items():
-        if not (area := estimates.get(name)):
-            continue
-        c = Characteristic(unit * area.value, unit * area.ci95[0], unit * area.ci95[1])
-        is_tested = any(abs(u - t) <= 1e-3 * abs(u) for t in tested)
-        measured = _measured_b_m(area_model, posterior, coverage, u, index_ratio) if is_tested else None
-        b_and_m = measured or (None, None)
-        out.append(
-            IsoConductance(
-                u,
-                c,
-                _characteristic(b, interval, 0, b_and_m[0]),
-                _characteristic(ELLIPSE_SUBSONIC_INDEX, None, 1, b_and_m[1]),
-            )
-        )
-    return tuple(out)
+    b, interval = _critical_ratio(fitted.model, estimates)
+    shape = _figure(b, interval, 0), _figure(ELLIPSE_SUBSONIC_INDEX, None, 1)
+    areas = {u: estimates[name] for u, name in valve.area_names.items() if name in estimates}
+    return tuple(
+        IsoConductance(u, Figure(unit * area.value, unit * area.ci95[0], unit * area.ci95[1], "m^3/(s Pa)"), *shape)
+        for u, area in areas.items()
+    )
 
 
 def thermal_state_is_known(model: Model) -> bool:
@@ -134,77 +89,9 @@ def _critical_ratio(model: Model, estimates: Mapping[str, Estimate]) -> tuple[fl
     return b, interval
 
 
-def _characteristic(
-    value: float, model_interval: Interval | None, index: int, curve: tuple[float, ...] | None
-) -> Characteristic:
-    """Return a characteristic with the model's interval, or with that of the measured map where the model has none.
-
-    ``curve`` are value, low and high of the measured map, and where known the two parts of its uncertainty.
-    """
-    low, high = model_interval or (value, value)
-    measured = None if curve is None else (curve[0], curve[1], curve[2])
-    parts = None if curve is None or len(curve) < 5 else (curve[3], curve[4])
-    characteristic = Characteristic(value, low, high, measured=measured, parts=parts)
-    if model_interval is not None and not characteristic.is_contradicted:
-        return characteristic
-    typical = (
-        float(TYPICAL_B_M[index] - Z95 * TYPICAL_B_M_SPREAD[index]),
-        float(TYPICAL_B_M[index] + Z95 * TYPICAL_B_M_SPREAD[index]),
-    )
-    interval = typical if measured is None else measured[1:]
-    return replace(characteristic, low=min(low, max(interval[0], 0.0)), high=max(high, interval[1]))
-
-
-def _measured_b_m(
-    area_model: AreaModel, posterior: Posterior, coverage: Coverage, u: float, index_ratio: float
-) -> list[tuple[float, ...] | None] | None:
-    """Return b and m of the measured map at a command; None where it does not determine them.
-
-    Each is value, low, high, and the standard uncertainties of noise and thermal state.
-
-    The polytropic index n of dp/dt = n R T q / V lies between 1 and kappa unless the model includes heat transfer. The
-    standard error therefore includes the change of b and m by a drift of the gradient by ``index_ratio`` over the
-    curve, as a uniform distribution (divided by sqrt(3)).
-    """
-    p = np.linspace(area_model.ambient, area_model.supply, PRESSURE_POINTS)
-    p = p[coverage(np.full(PRESSURE_POINTS, u), p)]
-    supply, commands = np.full(p.size, area_model.supply), np.full(p.size, u)
-    if p.size < PRESSURE_POINTS // 4:
-        return None
-    value, _ = gradient_with_error(area_model, posterior, commands, p, supply)
-    rows = area_model.sensitivity(posterior.theta, commands, p, supply)
-    scale = float(np.abs(value).max())
-    if not scale > 0.0:
-        return None
-    whiten = whitening_matrix(rows @ posterior.covariance @ rows.T / scale**2, MIN_RELATIVE_ERROR)
-    upstream, r = (area_model.supply, p / area_model.supply) if u > 0 else (p, area_model.ambient / p)
-    shape = np.abs(value) / scale * area_model.supply / upstream
-    steady = _fit_ellipse(shape, r, whiten)
-    drift = np.linspace(1.0, 1.0 / index_ratio, p.size)[:: 1 if u > 0 else -1]
-    drifted = _fit_ellipse(shape / drift, r, whiten)
-    noise = np.sqrt(np.diag(steady[1]))[1:]
-    thermal = np.abs(drifted[0] - steady[0])[1:] / np.sqrt(3)
-    interval = []
-    for value_, n, h in zip(steady[0][1:].tolist(), noise.tolist(), thermal.tolist(), strict=True):
-        half = Z95 * float(np.hypot(n, h))
-        interval.append((value_, value_ - half, value_ + half, n, h))
-    return [
-        end if is_determined else None
-        for end, is_determined in zip(interval, noise < MAX_ERROR_RATIO * TYPICAL_B_M_SPREAD, strict=True)
-    ]
-
-
-def _fit_ellipse(shape: Array, r: Array, whiten: Array) -> tuple[Array, Array]:
-    """Return log C, b, m of an elliptic flow function over pressure ratios r (k,), and their covariance."""
-
-    def residuals(x: Array) -> Array:
-        s = np.maximum(np.minimum(r, 1.0 - 1e-6) - x[1], 0.0) / (1.0 - x[1])
-        error = np.exp(x[0]) * (1.0 - s * s) ** x[2] - shape
-        return np.concatenate([whiten @ error, (x[1:] - TYPICAL_B_M) / TYPICAL_B_M_SPREAD])
-
-    def jacobian(x: Array) -> Array:
-        return np.array([(residuals(x + d) - residuals(x - d)) / 2e-4 for d in 1e-4 * np.eye(3)]).T
-
-    start = np.array([np.log(shape.max()), *TYPICAL_B_M])
-    fitted = minimise(residuals, jacobian, start, ELLIPSE_BOUNDS, max_iterations=40, tolerance=1e-6)
-    return fitted.z, np.asarray(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian, hermitian=True))
+def _figure(value: float, interval: Interval | None, index: int) -> Figure:
+    """Return b or m (index 0 or 1) with the model's interval, or else with that of typical valves and the value."""
+    spread = Z95 * float(TYPICAL_B_M_SPREAD[index])
+    typical = float(TYPICAL_B_M[index])
+    low, high = interval or (min(value, max(typical - spread, 0.0)), max(value, typical + spread))
+    return Figure(value, low, high, "1")

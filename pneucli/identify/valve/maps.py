@@ -1,19 +1,20 @@
-"""The map dp/dt(u, p) with its interval, the region that data cover, and the inverse of the map.
+"""The map dp/dt(u, p) of a fitted model with its interval, the region that data cover, and the inverse of the map.
 
 Source: thesis 7.4; docs/valve-identification.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pneucli.arrays import Array, Mask
-from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import JACOBIAN_MEMORY, Posterior
-from pneucli.identify.valve.transients import Transients
+from pneucli.identify.valve.model_gradient import ModelGradient
 from pneucli.quantities import Z95
+from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import Experiment
 
 INVERSE_COMMANDS = 801  # commands at which the inverse is prepared
 COVERAGE_DISTANCE = 0.1  # of the largest command: the distance up to which a tested command covers others
@@ -25,7 +26,7 @@ class GradientMap:
     """dp/dt in Pa/s over ``u`` (V, shape ``(nu,)``) and ``p`` (Pa absolute, ``(np,)``), with its 95 % interval.
 
     ``gradient``, ``ci_low``, ``ci_high`` have shape ``(nu, np)``. ``covered`` marks points with data; elsewhere the
-    fitted area model extrapolates.
+    model extrapolates.
     """
 
     u: Array
@@ -52,12 +53,12 @@ class InverseMap:
 
 @dataclass(frozen=True)
 class Coverage:
-    """The recorded commands (V, ``(k,)``) and the range of pressures (Pa, ``(k,)``) of each."""
+    """The recorded commands (V, ``(k,)``) and the range of pressures (Pa, ``(k,)``) of each; the areas of the valve."""
 
     commands: Array
     lowest: Array
     highest: Array
-    area_model: AreaModel
+    valve: Callable[[Array], Array]
 
     def __call__(self, u: Array, p: Array) -> Mask:
         """Return whether data cover commands ``u`` at pressures ``p``, arrays of one shape.
@@ -72,37 +73,22 @@ class Coverage:
         is_close = np.abs(level - flat) <= COVERAGE_DISTANCE * np.abs(self.commands).max()
         below, above = (same_sign & side for side in (level <= flat, level >= flat))
         between = below.any(axis=0) & above.any(axis=0)
-        shut = self.area_model.model_gradient.valve(flat) == 0.0
-        is_covered = (same_sign & is_close).any(axis=0) | between | (shut & saw.any(axis=0))
+        is_covered = (same_sign & is_close).any(axis=0) | between | ((self.valve(flat) == 0.0) & saw.any(axis=0))
         return np.asarray(is_covered.reshape(u.shape))
 
 
-def transient_coverage(area_model: AreaModel, data: Transients) -> Coverage:
-    """Return the coverage of transients.
+def coverage_of(tests: Sequence[Experiment], valve: Callable[[Array], Array]) -> Coverage:
+    """Return the region that valve tests cover; commands that differ little count as one level.
 
     Args:
-        area_model: The area model.
-        data: The transients.
+        tests: The valve tests, with commands that count from the null.
+        valve: The area of the valve at commands in V.
 
     Returns:
         The coverage.
 
     """
-    return sample_coverage(data.u[data.valid], data.p[data.valid], area_model)
-
-
-def sample_coverage(u: Array, p: Array, area_model: AreaModel) -> Coverage:
-    """Return the coverage of samples; commands that differ little count as one level.
-
-    Args:
-        u: Commands in V, shape (n,).
-        p: Pressures in Pa, shape (n,).
-        area_model: The area model.
-
-    Returns:
-        The coverage.
-
-    """
+    u, p = np.concatenate([test.inputs[:, (at.IN_U, at.IN_P1)] for test in tests]).T
     levels, which = np.unique(u, return_inverse=True)
     if levels.size > MAX_LEVELS:
         quantum = np.abs(u).max() / (MAX_LEVELS / 2)
@@ -111,68 +97,38 @@ def sample_coverage(u: Array, p: Array, area_model: AreaModel) -> Coverage:
     lowest, highest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
     np.minimum.at(lowest, which, p)
     np.maximum.at(highest, which, p)
-    return Coverage(levels, lowest, highest, area_model)
+    return Coverage(levels, lowest, highest, valve)
 
 
-def gradient_with_error(
-    area_model: AreaModel, posterior: Posterior, u: Array, p: Array, supply: Array
-) -> tuple[Array, Array]:
-    """Evaluate dp/dt and its standard error.
+def gradient_map(model: ModelGradient, u: Array, p: Array, coverage: Coverage) -> GradientMap:
+    """Evaluate the map.
 
     Args:
-        area_model: The area model.
-        posterior: Its fitted parameters.
-        u: Commands in V from the null.
-        p: Absolute pressures in Pa, of the same shape.
-        supply: Supply pressures in Pa, of the same shape.
-
-    Returns:
-        Gradient and standard error in Pa/s, of the same shape.
-
-    """
-    variance, flat = np.empty(u.size), [a.ravel() for a in (u, p, supply)]
-    rows_per_part = max(1, JACOBIAN_MEMORY // (8 * area_model.size))
-    for part in (
-        slice(first, first + rows_per_part) for first in range(0, u.size, rows_per_part)
-    ):  # bounds the memory of the derivatives
-        rows = area_model.sensitivity(posterior.theta, *(a[part] for a in flat))
-        variance[part] = np.einsum("ni,ij,nj->n", rows, posterior.covariance, rows, optimize=True)
-    return area_model.gradient(posterior.theta, u, p, supply), np.sqrt(np.maximum(variance, 0.0)).reshape(u.shape)
-
-
-def gradient_map(area_model: AreaModel, posterior: Posterior, u: Array, p: Array, coverage: Coverage) -> GradientMap:
-    """Evaluate the map at the supply pressure of the area model.
-
-    Args:
-        area_model: The area model.
-        posterior: Its fitted parameters.
+        model: The gradient of the fitted model.
         u: Commands in V from the null, shape ``(nu,)``.
         p: Absolute pressures in Pa, shape ``(np,)``.
         coverage: The region that data cover.
 
     Returns:
-        The map.
+        The map at the supply pressure of the model.
 
     References:
         Thesis 7.4, figures 7.16 to 7.26; thesis 4 of chapter 8: gradient of valve and chamber, and its inverse.
     """
     uu, pp = np.meshgrid(u, p, indexing="ij")
-    value, error = gradient_with_error(area_model, posterior, uu, pp, np.full_like(uu, area_model.supply))
-    return GradientMap(u, p, value, value - Z95 * error, value + Z95 * error, coverage(uu, pp))
+    value, half = model(uu, pp), Z95 * model.standard_error(uu, pp)
+    return GradientMap(u, p, value, value - half, value + half, coverage(uu, pp))
 
 
-def invert_gradient(
-    area_model: AreaModel, posterior: Posterior, gradient: Array, p: Array, coverage: Coverage
-) -> tuple[Array, Mask]:
+def invert_gradient(model: ModelGradient, gradient: Array, p: Array, coverage: Coverage) -> tuple[Array, Mask]:
     """Find the command for given gradients.
 
-    The gradient rises with u except for noise in its corrections; its monotone envelope is inverted. A gradient that
-    equals that of the shut valve, within its interval, gets the middle of the overlap. A switching valve has no
-    commands in between: the closest gradient is chosen, and is reachable only within its interval.
+    The monotone envelope of the gradient over u is inverted. A gradient that equals that of the shut valve, within its
+    interval, gets the middle of the overlap. A switching valve has no commands in between: the closest gradient is
+    chosen, and is reachable only within its interval.
 
     Args:
-        area_model: The area model.
-        posterior: Its fitted parameters.
+        model: The gradient of the fitted model.
         gradient: Requested gradients in Pa/s.
         p: Absolute pressures in Pa, of the same shape.
         coverage: The region that data cover.
@@ -181,37 +137,35 @@ def invert_gradient(
         The commands in V from the null, and whether each gradient is reachable.
 
     """
-    u, is_switching = area_model.command_grid(INVERSE_COMMANDS), area_model.model_gradient.valve.form == "switching"
-    shut = u[area_model.model_gradient.valve(u) == 0.0]
+    u, is_switching = model.command_grid(INVERSE_COMMANDS), model.valve.form == "switching"
+    shut = u[model.valve(u) == 0.0]
     closed_command = 0.5 * (shut.min(initial=0.0) + shut.max(initial=0.0))
+    closed = int(np.argmin(np.abs(u - closed_command)))
+    marks = np.arange(u.size) if is_switching else np.array([closed])  # the commands whose interval counts
     command, is_reachable = np.empty(gradient.shape), np.empty(gradient.shape, dtype=bool)
-    for pressure in np.unique(p):
-        at_pressure = p == pressure
-        values, errors = gradient_with_error(
-            area_model, posterior, u, np.full(u.size, pressure), np.full(u.size, area_model.supply)
-        )
+    pressures, which = np.unique(p, return_inverse=True)
+    errors = Z95 * model.standard_error(*np.meshgrid(u[marks], pressures, indexing="ij"))
+    for k, pressure in enumerate(pressures):
+        at_pressure = which.reshape(p.shape) == k
+        values = model(u, np.full(u.size, pressure))
         envelope = 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
-        requested, span = gradient[at_pressure], float(np.ptp(envelope))
-        closed = int(np.argmin(np.abs(u - closed_command)))
-        matches_closed = np.abs(requested - values[closed]) <= Z95 * errors[closed]
+        requested, slack = gradient[at_pressure], 1e-9 * float(np.ptp(envelope))
         if is_switching:
             nearest = np.argmin(np.abs(requested[:, None] - envelope), axis=1)
             command[at_pressure], distance = u[nearest], np.abs(requested - envelope[nearest])
-            is_reachable[at_pressure] = distance <= Z95 * errors[nearest] + 1e-9 * span
+            is_reachable[at_pressure] = distance <= errors[nearest, k] + slack
             continue
+        matches_closed = np.abs(requested - values[closed]) <= errors[0, k]
         command[at_pressure] = np.where(matches_closed, closed_command, np.interp(requested, envelope, u))
-        is_reachable[at_pressure] = (requested >= envelope[0] - 1e-9 * span) & (requested <= envelope[-1] + 1e-9 * span)
+        is_reachable[at_pressure] = (requested >= envelope[0] - slack) & (requested <= envelope[-1] + slack)
     return command, is_reachable & coverage(command, p)
 
 
-def inverse_map(
-    area_model: AreaModel, posterior: Posterior, p_gradient: Array, p: Array, coverage: Coverage
-) -> InverseMap:
+def inverse_map(model: ModelGradient, p_gradient: Array, p: Array, coverage: Coverage) -> InverseMap:
     """Evaluate the inverse on a grid.
 
     Args:
-        area_model: The area model.
-        posterior: Its fitted parameters.
+        model: The gradient of the fitted model.
         p_gradient: Gradients in Pa/s, shape ``(ng,)``.
         p: Absolute pressures in Pa, shape ``(np,)``.
         coverage: The region that data cover.
@@ -223,4 +177,4 @@ def inverse_map(
         Thesis 7.4, figures 7.16 to 7.26; thesis 4 of chapter 8: gradient of valve and chamber, and its inverse.
     """
     gg, pp = np.meshgrid(p_gradient, p, indexing="ij")
-    return InverseMap(p_gradient, p, *invert_gradient(area_model, posterior, gg, pp, coverage))
+    return InverseMap(p_gradient, p, *invert_gradient(model, gg, pp, coverage))

@@ -1,12 +1,12 @@
-"""The quasi-static gradient of the fitted model, and its sensitivity to the model's parameters.
+"""The gradient of pressure that a fitted model makes in a fixed volume at held commands, and its standard error.
 
-Source: g and m of docs/valve-identification.md.
+Source: docs/valve-identification.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,190 +18,118 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import layout as at
-from pneucli.simulate.derivatives import Directions
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.model import Model, ValveForm, with_parameters
+from pneucli.simulate.model import Model, ValveForm, parameter_value, with_parameters
 from pneucli.simulate.run import base_vector, kernel_for, simulate
 
-NO_SHAPES = np.zeros((0, 0))
 DIFFERENCE_STEP = 1e-3  # of a coordinate, for finite differences
-PRIOR_WIDENING = 3.0  # times the standard error: the prior width of a parameter in the fit to the curves
-MIN_COORDINATE_ERROR = 1e-3  # of a coordinate: the smallest prior width
+REPEATABILITY = 1e-3  # of the gradient: the standard deviation with which the best valves come back to an opening
 
 
 @dataclass(frozen=True)
 class ModelGradient:
-    """The quasi-static gradient of a fitted model, as a function of those parameters that the tests can observe.
+    """The quasi-static gradient of a fitted model over the commands and pressures of a map, and its error.
 
-    ``start`` (k,) and ``covariance`` (k, k) are the model's, in the coordinates of the fit.
+    Attributes:
+        model: The fitted model, with the volume of the map and a null of 0 V.
+        reference_test: A test of the valve.
+        free: The fitted parameters.
+        covariance: Their covariance in the coordinates of the fit, shape (k, k).
+        commands: Lowest and highest command in V; 0 where a direction was not tested.
+        ambient: Ambient pressure in Pa.
+        supply: Supply pressure in Pa.
+        relative_misfit: Standard deviation of the model from measured gradients, as a share of the gradient.
+        shut_misfit: That of the flow through the shut valve, in Pa/s.
     """
 
     model: Model
     reference_test: Experiment
     free: tuple[FreeParameter, ...]
-    start: Array
     covariance: Array
-    _changes: dict[bytes, Directions] = field(default_factory=dict, init=False)
+    commands: tuple[float, float]
+    ambient: float
+    supply: float
+    relative_misfit: float = 0.0
+    shut_misfit: float = 0.0
 
     @property
     def valve(self) -> ValveForm:
-        """The paths that fill and vent the vessel."""
+        """The paths that fill and vent the volume."""
         return self.model.valve_of_chamber(self.reference_test.recording.chamber)
 
-    @property
-    def prior_whitening(self) -> Array:
-        """The matrix that scales changes of the model's parameters to units of their prior, shape (k, k).
+    def __call__(self, u: Array, p: Array, supply: Array | float | None = None) -> Array:
+        """Return the gradient in Pa/s at commands u (V), pressures p and supply (Pa), of the shape of u."""
+        return self._fitted(u, p, np.broadcast_to(self.supply if supply is None else supply, u.shape))
 
-        The prior is wider than the model's own errors, because the model was fitted to these curves too and they must
-        not count twice. A direction that neither determines, such as the area between two commands, keeps the model's
-        smoothness.
-        """
-        return whitening_matrix(
-            _limited_covariance(PRIOR_WIDENING**2 * self.covariance, self.bounds), MIN_COORDINATE_ERROR
-        )
+    def fit_error(self, u: Array, p: Array) -> Array:
+        """Return the standard error in Pa/s from the covariance of the fit, of the shape of u."""
+        supply = np.full(u.shape, self.supply)
+        rows = np.array([above(u, p, supply) - below(u, p, supply) for above, below in self._stepped])
+        rows = rows.reshape(len(self.free), u.size) / (2 * DIFFERENCE_STEP)
+        variance = np.einsum("in,ij,jn->n", rows, self.covariance, rows, optimize=True)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(u.shape))
 
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the coordinates."""
-        lower, upper = ([f.to_coordinate(getattr(f, end)) for f in self.free] for end in ("lower", "upper"))
-        return np.array(lower), np.array(upper)
+    def standard_error(self, u: Array, p: Array) -> Array:
+        """Return the standard error in Pa/s: of the fit, of areas between knots, of the model's form."""
+        relative = np.sqrt(REPEATABILITY**2 + self.valve.interpolation_uncertainty**2 + self.relative_misfit**2)
+        return np.asarray(np.sqrt(self.fit_error(u, p) ** 2 + (relative * self(u, p)) ** 2 + self.shut_misfit**2))
 
-    def at_coordinates(self, z: Array) -> QuasiStaticGradient:
-        """Return the gradient at coordinates z (k,)."""
-        values = {f.name: f.from_coordinate(c) for f, c in zip(self.free, z, strict=True)}
-        return QuasiStaticGradient(with_parameters(self.model, values), self.reference_test)
-
-    def memory_gradient(self, test: Experiment) -> Array:
-        """Return the contribution of the model's memory to dp/dt, and its derivatives, shape ``(1 + k, n)`` in Pa/s.
-
-        A model without memory has no derivatives: shape ``(1, n)``.
-        """
-        if not has_memory(self.model):
-            return np.zeros((1, test.time.size))
-        nominal = memory_gradient(self.model, test)
-        memory_change = [
-            memory_gradient(self.at_coordinates(self.start + step).model, test)
-            for step in DIFFERENCE_STEP * np.eye(self.start.size)
-        ]
-        return np.array([nominal, *((shifted - nominal) / DIFFERENCE_STEP for shifted in memory_change)])
-
-    def sensitivity(self, z: Array, u: Array, p: Array, supply: Array) -> Array:
-        """Return the derivatives by the coordinates, shape ``u.shape + (k,)``; by central differences but for areas."""
-        out, areas = np.empty((*u.shape, z.size)), self._area_coordinates
-        if areas:
-            out[..., areas] = self.at_coordinates(z).area_derivatives(u, p, supply, self._area_changes(z))
-        for j in set(range(z.size)) - set(areas):
-            above, below = (
-                self.at_coordinates(self._shifted(z, j, step)) for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)
-            )
-            out[..., j] = (above(u, p, supply) - below(u, p, supply)) / (2 * DIFFERENCE_STEP)
-        return out
+    def command_grid(self, count: int) -> Array:
+        """Return tested commands in V, of about this number; both ends and 0 of a switching valve."""
+        low, high = self.commands
+        return np.unique([low, 0.0, high]) if self.valve.form == "switching" else np.linspace(low, high, count)
 
     @cached_property
-    def _area_coordinates(self) -> list[int]:
-        names = self.model.valve_parameters()
-        return [j for j, f in enumerate(self.free) if f.name in names]
+    def _fitted(self) -> QuasiStaticGradient:
+        return QuasiStaticGradient(self.model, self.reference_test)
 
-    def _area_changes(self, z: Array) -> Directions:
-        """Return the changes of the areas at coordinates z (k,); those of the last coordinates are kept."""
-        key = z.tobytes()
-        changes = self._changes.get(key)
-        if changes is None:
-            steps = (DIFFERENCE_STEP, -DIFFERENCE_STEP)
-            models = [
-                [(step, self.at_coordinates(self._shifted(z, j, step)).model) for step in steps]
-                for j in self._area_coordinates
-            ]
-            changes = Directions(self.at_coordinates(z).model, models)
-            self._changes.clear()
-            self._changes[key] = changes
-        return changes
-
-    @staticmethod
-    def _shifted(z: Array, j: int, step: float) -> Array:
-        shifted = z.copy()
-        shifted[j] += step
-        return shifted
-
-    def standard_error(self, u: Array, p: Array, supply: Array) -> Array:
-        """Return the standard error in Pa/s from the covariance of the model's parameters, of the shape of u."""
-        rows = self.sensitivity(self.start, u, p, supply)
-        return np.asarray(np.sqrt(np.maximum(np.einsum("...i,ij,...j->...", rows, self.covariance, rows), 0.0)))
+    @cached_property
+    def _stepped(self) -> list[list[QuasiStaticGradient]]:
+        """The gradients a step above and a step below the fit, for each parameter."""
+        out = []
+        for f in self.free:
+            z = f.to_coordinate(parameter_value(self.model, f.name))
+            values = [f.from_coordinate(z + step) for step in (DIFFERENCE_STEP, -DIFFERENCE_STEP)]
+            models = [with_parameters(self.model, {f.name: value}) for value in values]
+            out.append([QuasiStaticGradient(model, self.reference_test) for model in models])
+        return out
 
 
-def model_gradient_of(fitted: Fit, tests: Sequence[Experiment], *, with_memory: bool = True) -> ModelGradient:
-    """Build the gradient of a fitted model, reduced to the parameters that the tests can observe.
+def model_gradient_of(fitted: Fit, tests: Sequence[Experiment]) -> ModelGradient:
+    """Build the gradient of a fitted model over the commands of valve tests.
 
     Args:
-        fitted: The fit of the model.
+        fitted: The fit of the model, with a null of 0 V.
         tests: The valve tests.
-        with_memory: Whether to keep parameters that only the model's memory can show.
 
     Returns:
         The gradient.
 
     Raises:
-        InputError: The valve of the model never opens.
+        InputError: The valve of the model never opens, or no command differs from zero.
 
     """
-    if not fitted.model.valve_of_chamber(tests[0].recording.chamber).commands:
+    model, rig = fitted.model, fitted.model.rig
+    if not model.valve_of_chamber(tests[0].recording.chamber).commands:
         fault = "at no command does air flow the way it should, so the model's valve never opens"
         mend = "turn the sign of u, or see what pneucli ingest finds implausible"
         raise InputError("valve tests", fault, "u above the null command fills, u below it vents", mend, code="E065")
-    start = np.array([f.to_coordinate(e.value) for f, e in zip(fitted.free, fitted.estimates, strict=True)])
-    full = ModelGradient(fitted.model, tests[0], fitted.free, start, fitted.covariance)
-    is_observable = np.zeros(start.size, dtype=bool)
-    for test in tests:
-        u, p, supply = test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)].T
-        u = np.abs(u).max() * np.linspace(-1.0, 1.0, u.size)  # includes openings between the commands
-        is_observable |= np.any(full.sensitivity(start, u, p, supply) != 0.0, axis=0)
-        if with_memory:
-            memory_change = full.memory_gradient(test)[1:]
-            is_observable[: len(memory_change)] |= np.any(memory_change != 0.0, axis=1)
-    free = tuple(f for f, keep in zip(fitted.free, is_observable, strict=True) if keep)
-    reduced = ModelGradient(
-        fitted.model, tests[0], free, start[is_observable], fitted.covariance[np.ix_(is_observable, is_observable)]
-    )
-    return replace(reduced, covariance=_limited_covariance(reduced.covariance, reduced.bounds))
+    u, p, supply = np.concatenate([test.inputs[:, (at.IN_U, at.IN_P1, at.IN_SUPPLY)] for test in tests]).T
+    if not u.any():
+        raise InputError("recordings", "u is zero throughout", "commands other than zero", code="E062")
+    highest = rig.supply_pressure or float(np.median(supply))
+    if not highest > rig.ambient_pressure:
+        highest = float(p.max())  # no supply matters where a vessel is only vented
+    commands = min(float(u.min()), 0.0), max(float(u.max()), 0.0)
+    covariance = _limited_covariance(fitted.covariance, fitted.free)
+    return ModelGradient(model, tests[0], fitted.free, covariance, commands, rig.ambient_pressure, highest)
 
 
-def whitening_matrix(covariance: Array, min_error: float) -> Array:
-    """Compute the matrix that turns errors of a covariance into independent ones of unit size.
-
-    Args:
-        covariance: Covariance, shape (k, k).
-        min_error: Smallest standard error along any axis; it keeps the matrix finite.
-
-    Returns:
-        The matrix W, shape (k, k), with W C W^T = I.
-
-    >>> np.abs(whitening_matrix(np.diag([4.0, 0.25]), 0.1)).round(3).tolist()
-    [[0.0, 2.0], [0.5, 0.0]]
-
-    """
-    variance, axes = np.linalg.eigh(np.nan_to_num(0.5 * (covariance + covariance.T)))
-    return np.asarray(axes.T / np.sqrt(np.maximum(variance, min_error**2))[:, None])
-
-
-def _limited_covariance(covariance: Array, bounds: tuple[Array, Array]) -> Array:
+def _limited_covariance(covariance: Array, free: Sequence[FreeParameter]) -> Array:
     """Return a covariance (k, k) with no variance above that of a uniform distribution between the bounds."""
-    error = np.sqrt(np.diag(covariance))
-    widest = (bounds[1] - bounds[0]) / np.sqrt(12.0)
-    shrinkage = np.minimum(1.0, widest / np.maximum(error, 1e-300))
+    widest = np.array([f.to_coordinate(f.upper) - f.to_coordinate(f.lower) for f in free]) / np.sqrt(12.0)
+    shrinkage = np.minimum(1.0, widest / np.maximum(np.sqrt(np.diag(covariance)), 1e-300))
     return np.asarray(covariance * np.outer(shrinkage, shrinkage))
-
-
-def has_memory(model: Model) -> bool:
-    """Return whether an effect of the model depends on the past.
-
-    Args:
-        model: The model.
-
-    Returns:
-        Whether a port of an effect has memory.
-
-    """
-    return any(PORTS[port].has_memory for effect in model.effects for port in effect.ports)
 
 
 def memory_gradient(model: Model, test: Experiment) -> Array:
@@ -214,9 +142,11 @@ def memory_gradient(model: Model, test: Experiment) -> Array:
         test: The valve test.
 
     Returns:
-        The contribution in Pa/s, shape (n,).
+        The contribution in Pa/s, shape (n,); 0 for a model without memory.
 
     """
+    if not any(PORTS[port].has_memory for effect in model.effects for port in effect.ports):
+        return np.zeros(test.time.size)
     quasi_static, p = QuasiStaticGradient(model, test), simulate(model, test)["p1"]
     u, supply, steps = test.inputs[:-1, at.IN_U], test.inputs[:-1, at.IN_SUPPLY], np.diff(test.time)
     rate = np.diff(p) / steps - 0.5 * (quasi_static(u, p[:-1], supply) + quasi_static(u, p[1:], supply))
@@ -247,32 +177,9 @@ class QuasiStaticGradient:
         References:
             Thesis 7.4.
         """
-        return self._run(u, p, supply, NO_SHAPES)[0]
-
-    def area_derivatives(self, u: Array, p: Array, supply: Array, changes: Directions) -> Array:
-        """Return the derivatives of the gradient by parameters of the valve's areas, of this model's changes.
-
-        Args:
-            u: Command in V from the null command.
-            p: Pressure in Pa.
-            supply: Supply pressure in Pa; all three of one shape.
-            changes: The changes of the areas.
-
-        Returns:
-            Pa/s a unit of the parameter, shape ``u.shape + (parameters,)``.
-        """
-        return self._run(u, p, supply, changes.area_slopes(self.experiment.recording.chamber, self._largest))[1]
-
-    def _run(self, u: Array, p: Array, supply: Array, shapes: Array) -> tuple[Array, Array]:
-        out, derivatives = np.empty(u.size), np.empty((u.size, shapes.shape[1]))
-        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out, shapes, derivatives)
-        return out.reshape(u.shape), derivatives.reshape((*u.shape, shapes.shape[1]))
-
-    @property
-    def _largest(self) -> float:
-        """The largest opening of the table of areas in V."""
-        valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
-        return max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
+        out = np.empty(u.size)
+        self._gradient(u.ravel(), p.ravel(), supply.ravel(), *self._fixed, out)
+        return out.reshape(u.shape)
 
     @cached_property
     def _fixed(self) -> tuple[Array, Array, NDArray[np.uint8], float, Array]:
@@ -280,7 +187,8 @@ class QuasiStaticGradient:
         active = kernel.effect_switches(self.experiment.active_effects(self.model.effects))
         base, th = base_vector(self.model, self.experiment), kernel.effect_vector(self.model.effect_values())
         valve = self.model.valve_of_chamber(self.experiment.recording.chamber)
-        return base, th, active, self._largest, valve.table(self._largest)
+        largest = max(float(self.experiment.flags[at.U_MAX]), *map(abs, valve.commands))
+        return base, th, active, largest, valve.table(largest)
 
     @cached_property
     def _gradient(self):  # type: ignore[no-untyped-def]

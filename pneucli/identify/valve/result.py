@@ -10,11 +10,10 @@ from pneucli.arrays import Array, Mask
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import CommandConversion
-from pneucli.identify.valve.area_model import AreaModel
-from pneucli.identify.valve.fit import Posterior
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import Coverage, GradientMap, InverseMap, invert_gradient
+from pneucli.identify.valve.model_gradient import ModelGradient
 from pneucli.identify.valve.uncertainty import Budget
 from pneucli.simulate.model import Model
 
@@ -23,7 +22,7 @@ MAX_GRADIENT_RATIO = 3.0  # times the steepest measured slope: a steeper map doe
 
 @dataclass(frozen=True)
 class Curve:
-    """One transient at a constant command: measured and fitted p (Pa) over time (s), and dp/dt (Pa/s) along the fit."""
+    """A held command: measured and fitted p (Pa) over time (s), and the model's dp/dt (Pa/s) along the fitted one."""
 
     recording: str
     u: float
@@ -37,7 +36,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class RecordingResidual:
-    """Rms residual of a recording's transients over the noise, with their initial pressures fitted."""
+    """Rms residual of the model in a recording over the noise, whitened for the errors of initial pressures."""
 
     recording: str
     use: str
@@ -46,13 +45,12 @@ class RecordingResidual:
 
 @dataclass(frozen=True)
 class ValveIdentification:
-    """The identified paths of one chamber, and the lack of fit of the model to them.
+    """The paths of one chamber of the fitted model, and how far measured gradients are off.
 
-    ``map`` and ``inverse`` are ``measured`` in a vessel, and ``lack_of_fit`` is the difference of the model from them;
-    else they are the model's own, from its fit to a driven piston. ``iso`` are the model's characteristics.
-    ``residuals`` cover all recordings, held-out ones included. ``max_gradient`` is the largest |dp/dt| (Pa/s) of the
-    map where data cover it, ``max_measured_gradient`` the largest in the recordings. Commands are those of the valve;
-    ``area_model`` and ``lack_of_fit`` count from the null.
+    ``measured``: the curves are those of a vessel, else of a driven piston. ``residuals`` cover all valve tests,
+    held-out ones included. ``max_gradient`` is the largest |dp/dt| (Pa/s) of the map where data cover it,
+    ``max_measured_gradient`` the largest in the recordings. Commands are those of the valve; ``model_gradient`` and
+    ``lack_of_fit`` count from the null.
     """
 
     chamber: Chamber
@@ -67,9 +65,7 @@ class ValveIdentification:
     max_gradient: float
     max_measured_gradient: float
     coverage: Coverage
-    area_model: AreaModel
-    posterior: Posterior
-    resampled: tuple[tuple[str, float], ...] = ()  # recordings that were resampled, and the error of p1 in Pa
+    model_gradient: ModelGradient
     budgets: tuple[Budget, ...] = ()  # of its characteristics
 
     @property
@@ -85,26 +81,24 @@ class ValveIdentification:
     @property
     def label(self) -> str:
         """The prefix of its parameter names."""
-        return self.area_model.model_gradient.valve.label
+        return self.model_gradient.valve.label
 
     @property
     def volume(self) -> float | None:
         """The volume in m^3 for which the gradients hold, None for a vessel of unknown volume."""
-        model = self.area_model.model_gradient.model
+        model = self.model_gradient.model
         return known_vessel_volume(model)
 
     def gradient(self, u: Array, p: Array, supply: Array | float | None = None) -> Array:
         """Return dp/dt (Pa/s) at any ``u`` (V), ``p`` and ``supply`` (Pa), broadcast against each other."""
-        supply = self.area_model.supply if supply is None else supply
+        supply = self.model_gradient.supply if supply is None else supply
         opening = self.command_conversion.to_opening(u)
-        return self.area_model.gradient(
-            self.posterior.theta, *np.broadcast_arrays(opening, p, np.asarray(supply, dtype=np.float64))
-        )
+        return self.model_gradient(*np.broadcast_arrays(opening, p, np.asarray(supply, dtype=np.float64)))
 
     def command(self, gradient: Array, p: Array) -> tuple[Array, Mask]:
         """Return the command (V) for ``gradient`` (Pa/s) at ``p`` (Pa), and whether it is reachable."""
         gradient, p = np.broadcast_arrays(gradient, p)
-        opening, reachable = invert_gradient(self.area_model, self.posterior, gradient, p, self.coverage)
+        opening, reachable = invert_gradient(self.model_gradient, gradient, p, self.coverage)
         return self.command_conversion.from_opening(opening), reachable
 
 

@@ -16,7 +16,7 @@ from pneucli.distributions import f_tail, student_t_quantile
 from pneucli.figure import Figure
 from pneucli.identify.valve.flow_noise import NoiseLaw, fit_noise_law, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath, characteristics_at, coordinates_of
-from pneucli.identify.valve.iso6358 import MAX_ERROR_RATIO, TYPICAL_B_M, TYPICAL_B_M_SPREAD
+from pneucli.identify.valve.iso6358 import TYPICAL_B_M, TYPICAL_B_M_SPREAD
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.quantities import Z95
@@ -29,6 +29,7 @@ NOISE_ROUNDS = 3  # fits, each with the noise law of the residuals before
 MAX_CHANCE = 0.01  # that a path scatters as much more than the others as it does
 MAX_LACK_OF_FIT = 9.0  # mean square residual over that of the noise, of rows that follow the curve
 MIN_SUBSONIC_ROWS, MIN_SUBSONIC_SHARE = 2, 0.1  # rows, and of the range from b to 1, beyond choked flow
+MAX_ERROR_RATIO = 0.5  # of the typical spread: a larger standard error means that the rows do not determine b or m
 START_NOISE = 0.02  # of the largest flow
 DERIVATIVE_STEP = 1e-5
 

@@ -46,8 +46,8 @@ MAX_CURVE_SAMPLES = 100  # samples of a curve
 MAX_SWITCHING_COMMANDS = 3  # commands of a switching valve, between which there are no contours
 MAX_LABELS = 7  # sizes of the command in a figure
 MEASUREMENT_FIGURES = (
-    "Pressure gradients of the vessel behind the valve, measured by charging and discharging it with each command, and "
-    "the deviation of the model's valve (area × flow function × effects)."
+    "Pressure gradients of the vessel behind the valve: those of the model's valve (area × flow function × effects), "
+    "fitted to charging and discharging with each command, and the deviation of the measured ones."
 )
 BENCH_FIGURES = (
     "Pressure gradients of the stated vessel behind the valve, dp/dt = n R T q / V, from the flow of the steady bench."
@@ -229,7 +229,7 @@ def _lack_of_fit(lack: Table) -> Figure:
         lines.append(Line(rows["u"], off, label, colour, width=1.0, band=(-allowed, allowed)))
         lines.append(Line(rows["u"][outside], off[outside], colour=colour, style=".", size=4))
     caption = (
-        "Lack of fit: measured map minus the model's valve at constant pressure. Bands: the wider of both 95 % "
+        "Lack of fit: measured gradients minus the model's at constant pressure. Bands: the wider of both 95 % "
         "intervals; dots: outside of both."
     )
     titles = ("valve command in V", "measured − model in bar/s")
@@ -278,18 +278,16 @@ def _tables(valve: Valve) -> Iterator[Grid]:
 
 
 def _fit(lack: ValveDeviation, residual: MapResidual) -> Grid:
-    """Return the deviation of the model from the map, and the residual of the map."""
+    """Return the deviation of measured gradients, and the residual of the curves."""
     shares = (
-        ("deviation of the model from the measured map, median", lack.median),
-        ("deviation of the model from the measured map, 95th percentile", lack.p95),
+        ("deviation of measured gradients from the model, median", lack.median),
+        ("deviation of measured gradients from the model, 95th percentile", lack.p95),
         ("points outside both 95 % intervals", lack.share_outside),
     )
-    noise = (("map on its own curves", residual.train), ("map on held-out curves", residual.test))
+    noise = (("model on the valve's curves", residual.train), ("model on held-out curves", residual.test))
     rows: list[Row] = [[name, Cell("–" if n is None else format_percent(n))] for name, n in shares]
     rows += [[name, Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
-    caption = (
-        "Lack of fit of the model's valve, relative to the measured gradient, and residuals of the map over noise."
-    )
+    caption = "Lack of fit of the model's valve, relative to the measured gradient, and residuals of curves over noise."
     return Grid(caption, ("", "value"), rows)
 
 

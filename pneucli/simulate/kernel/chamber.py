@@ -15,7 +15,7 @@ from pneucli.simulate.kernel.ports import (
     unread_p1,
     volume_1,
 )
-from pneucli.simulate.kernel.valve import effective_area, table_place, unit_flow, valve_flow
+from pneucli.simulate.kernel.valve import valve_flow
 from pneucli.simulate.layout import AMBIENT, CRITICAL, DEAD_1, EXPONENT, GAMMA, GAS, TEMP, WALL
 
 
@@ -79,10 +79,8 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
     return max(p + h * rate, 1.0), rate, max(mass + h * flow, 1e-9), T
 
 
-def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas, out, shapes, derivatives):
+def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas, out):
     """Write the pressure gradient of chamber 1 at held commands and a fixed volume, as its sensor reads it.
-
-    It is linear in the area, so that its derivatives by parameters of the areas are exact.
 
     Nothing with a memory takes part: the spool has settled, a play is centred, no heat flows, flow arrives at once.
 
@@ -96,8 +94,6 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
         u_max: Largest opening in V.
         areas: Areas in m^2 over openings of -u_max..u_max.
         out: Filled with the gradient in Pa/s, shape (n,).
-        shapes: Derivatives of the areas by parameters, shape (areas, columns).
-        derivatives: Filled with those of the gradient, shape (n, columns).
     """
     base, th, on = scalars(base_values, th_values, on_values)
     p_amb, volume = base[AMBIENT], base[DEAD_1] + volume_1(th, on)
@@ -113,10 +109,3 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
         q_out += leak_1_ambient(true, p_amb, k_gas, th, on)
         sensed = 0.5 * (read_p1(true + 1.0, p_amb, th, on) - read_p1(true - 1.0, p_amb, th, on))
         out[i] = sensed * pressure_rate(true, base[TEMP], volume, 0.0, q_in, q_out, 0.0, base)
-        if derivatives.shape[1] > 0:
-            area = effective_area(opening, u_max, areas)
-            fill, vent = unit_flow(opening, true, p_supply[i], p_amb, b, k_gas, k_gas, area, th, on)
-            by_area = sensed * pressure_rate(true, base[TEMP], volume, 0.0, fill, vent, 0.0, base)
-            place, w = table_place(opening, u_max, areas.size)
-            for j in range(derivatives.shape[1]):
-                derivatives[i, j] = by_area * (shapes[place, j] + w * (shapes[place + 1, j] - shapes[place, j]))

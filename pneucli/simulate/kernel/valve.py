@@ -3,7 +3,7 @@
 import math
 
 from pneucli.physics.gas import PSI_MAX, orifice_flow
-from pneucli.simulate.kernel.ports import filling, has_filling
+from pneucli.simulate.kernel.ports import filling
 
 
 def effective_area(u, u_max, areas):
@@ -46,21 +46,6 @@ def table_place(u, u_max, size: int):
     place = min(max((u + u_max) * (last / (2.0 * u_max)), 0.0), float(last))
     i: int = min(math.floor(place), last - 1)
     return i, place - i
-
-
-def unit_flow(opening, p, p_s, p_amb, b, k, k_gas, area, th, on):
-    """Return the slopes of the flows of :func:`valve_flow` over the area in m^2 that depends on the opening.
-
-    Returns:
-        Both slopes in kg/(s m^2); one of them is 0.
-    """
-    if opening > 0.0:
-        if has_filling(on) and area > 0.0:
-            full = area * p_s * k_gas * PSI_MAX
-            q = filling(0.0, full, p, p_amb, th, on)  # where it flows, a line over the area with an offset
-            return (filling(0.0, 2.0 * full, p, p_amb, th, on) - q) / area if q > 0.0 else 0.0, 0.0
-        return orifice_flow(p_s, p, b, k_gas, k), 0.0
-    return 0.0, orifice_flow(p, p_amb, b, k, k_gas)
 
 
 def valve_flow(opening, p, p_s, p_amb, b, leak, k, k_gas, u_max, areas, th, on, share=1.0):
