@@ -35,7 +35,13 @@ from pneucli.controller.plant import (
 )
 from pneucli.controller.pressure_level import update_level
 from pneucli.controller.reference import follow_reference
-from pneucli.controller.standstill import braking_force, breakaway_ramp, drive_elastic_piston, update_hold
+from pneucli.controller.standstill import (
+    braking_force,
+    breakaway_ramp,
+    drive_elastic_piston,
+    reference_rests,
+    update_hold,
+)
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
     chamber_volume_2,
@@ -81,7 +87,7 @@ def position_control(x_ref, s, c):
     ahead = c[C_FEEDFORWARD]
     force = c[C_MASS] * (ahead * s[S_A_SHAPED] + s[S_LOOP_GAIN] * (c[C_KD] * rate + c[C_KP] * error))
     force += ahead * damping(s[S_X], s[S_V_SHAPED], c) * (s[S_V_SHAPED] + c[C_FRICTION_LEAD] * s[S_A_SHAPED])
-    if c[C_SWITCHING] > 0.5 and s[S_REF_REST_TIME] > 0.05:
+    if c[C_SWITCHING] > 0.5 and reference_rests(s):
         if s[S_ELASTIC] > 0.5:
             drive_elastic_piston(s[S_X_SHAPED] - s[S_X], s, c)
             force += s[S_LOOP_GAIN] * braking_force(s[S_X_SHAPED] - s[S_X], s, c)

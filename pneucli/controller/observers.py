@@ -8,7 +8,7 @@ import math
 
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, dry_friction_factor, is_plausible, net_force, sign, speed_after
-from pneucli.controller.standstill import detect_motion, load_observable
+from pneucli.controller.standstill import detect_motion, load_observable, reference_rests
 from pneucli.controller.valve_dynamics import (
     apply_valve_dynamics,
     chamber_volume_1,
@@ -122,7 +122,7 @@ def observe_motion(x, s, c):
     h = c[C_PERIOD]
     force = net_force(s[S_X], s[S_P1], s[S_P2], s, c)
     detect_motion(force, s, c)
-    driven = s[S_MOVING_COUNT] > 0.5 or s[S_REF_REST_TIME] < 0.05
+    driven = s[S_MOVING_COUNT] > 0.5 or not reference_rests(s)
     v = speed_after(s[S_X], s[S_V], force, h, s, c) if driven else 0.0
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
@@ -142,26 +142,34 @@ def observe_motion(x, s, c):
     learn_friction(s, c)
 
 
+def scale_friction(factor, s, c):
+    """Scale dry friction by a factor to the model's; return by how much in N the load of the present way changes."""
+    last = dry_friction_factor(s[S_X], s[S_WAY], s, c)
+    s[S_ADDED_FRICTION] = factor - 1.0
+    known = s[S_WAY] * c[C_COULOMB] * (dry_friction_factor(s[S_X], s[S_WAY], s, c) - last)
+    s[S_LOAD] += known
+    return known
+
+
 def learn_friction(s, c):
     """Learn dry friction where the reference reverses: half of what the load differs by on both ways is friction.
 
     The load of a way is its mean while the piston slides beyond what seals give way, for a motion window at least. A
-    rest of the reference, in which a load may come or go, parts the ways. A load that acts on one way alone is taken
-    for friction and load, which together fit both ways.
+    load that acts on one way alone is taken for friction and load, which together fit both ways, but no rest: where
+    the reference rests, in which a load may come or go, the load takes back what the ways gave to friction.
     """
     way = sign(s[S_V_SHAPED])
-    if s[S_REF_REST_TIME] > 0.05:
+    if reference_rests(s):
         s[S_WAY_TIME] = -c[C_MOTION_WINDOW]
         s[S_OTHER_TIME] = 0.0
+        if s[S_ADDED_FRICTION] != 0.0:
+            scale_friction(1.0, s, c)
     if way * s[S_WAY] < 0.0:
         least = min(s[S_WAY_TIME], s[S_OTHER_TIME])
         if least > c[C_MOTION_WINDOW] and c[C_COULOMB] > 0.0:
-            last = dry_friction_factor(s[S_X], s[S_WAY], s, c)
-            more = 0.5 * s[S_WAY] * (s[S_OTHER_LOAD] - s[S_WAY_LOAD]) / (c[C_COULOMB] * max(last, 1.0))
-            s[S_ADDED_FRICTION] = clamp((1.0 + s[S_ADDED_FRICTION]) * (1.0 + more), 0.5, 2.0) - 1.0
-            known = s[S_WAY] * c[C_COULOMB] * (dry_friction_factor(s[S_X], s[S_WAY], s, c) - last)
-            s[S_LOAD] += known
-            s[S_WAY_LOAD] += known
+            sliding = c[C_COULOMB] * max(dry_friction_factor(s[S_X], s[S_WAY], s, c), 1.0)
+            more = 0.5 * s[S_WAY] * (s[S_OTHER_LOAD] - s[S_WAY_LOAD]) / sliding
+            s[S_WAY_LOAD] += scale_friction(clamp((1.0 + s[S_ADDED_FRICTION]) * (1.0 + more), 0.5, 2.0), s, c)
         s[S_OTHER_LOAD] = s[S_WAY_LOAD]
         s[S_OTHER_TIME] = s[S_WAY_TIME]
         s[S_WAY_TIME] = -c[C_MOTION_WINDOW]

@@ -2,7 +2,7 @@
 
 Source: own, docs/closed-loop.md shows what it does on a machine; friction is that of thesis (3.6), gas of (2.14).
 
-State chart (state variable in brackets; "at rest": the reference has rested for more than 0.05 s [S_REF_REST_TIME])::
+State chart (state variable in brackets; "at rest": of the reference, :func:`reference_rests`)::
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
       -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain
@@ -64,6 +64,11 @@ from pneucli.controller.valve_dynamics import (
 )
 
 
+def reference_rests(s):
+    """Whether the reference has been at rest for 50 ms: of the state chart, and an end of what motion alone tells."""
+    return s[S_REF_REST_TIME] > 0.05
+
+
 def detect_motion(force, s, c):
     """Detect whether the piston moves, and whether it is elastic: it moves under a force that friction must hold.
 
@@ -78,7 +83,7 @@ def detect_motion(force, s, c):
     elif s[S_MOVING_COUNT] > 1.5:
         s[S_REST_TIME] = 0.0
     if s[S_EXCURSION] * s[S_V] <= 0.0:
-        if s[S_ELASTIC] > 0.5 and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
+        if s[S_ELASTIC] > 0.5 and reference_rests(s) and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
             s[S_LOOP_GAIN] = max(0.7 * s[S_LOOP_GAIN], 0.05)
         s[S_EXCURSION] = 0.0
         s[S_PEAK_FORCE] = 0.0
@@ -90,10 +95,10 @@ def detect_motion(force, s, c):
     bent = (force - s[S_LOAD] - s[S_FIRST_FORCE]) * sign(s[S_EXCURSION]) * c[C_PRESLIDING_DISTANCE]
     loaded = s[S_FROM_HOLD] > 0.5 and bent < 1.5 * friction * math.fabs(s[S_EXCURSION])
     held = s[S_PEAK_FORCE] < 0.5 * friction and not loaded
-    if held and s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
+    if held and reference_rests(s) and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
         s[S_ELASTIC] = 1.0
     if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
-        s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
+        reference_rests(s) and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
     ):
         s[S_ELASTIC] = 0.0
         s[S_LOOP_GAIN] = 1.0
@@ -101,7 +106,7 @@ def detect_motion(force, s, c):
 
 def load_observable(s):
     """Whether the residual of the motion is a load: not while friction or elastic seals may carry a piston at rest."""
-    if s[S_REF_REST_TIME] < 0.05:
+    if not reference_rests(s):
         return True
     return s[S_MOVING_COUNT] > 0.5 and s[S_ELASTIC] < 0.5
 
@@ -273,7 +278,7 @@ def enter_hold(s, c):
 
 def update_hold(x_ref, s, c):
     """Enter or leave the state HOLD at a reference x_ref (m); return whether the piston is held."""
-    resting = s[S_REF_REST_TIME] > 0.05 and math.fabs(s[S_V]) < c[C_V_FLOOR]
+    resting = reference_rests(s) and math.fabs(s[S_V]) < c[C_V_FLOOR]
     error = math.fabs(x_ref - s[S_X])
     band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
     if s[S_HOLD] < 0.5 and resting and error < band:

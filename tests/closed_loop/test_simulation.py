@@ -67,6 +67,16 @@ def test_what_the_valve_cannot_do_saturates_and_is_recovered_from() -> None:
     assert np.abs(result.model[-500:, at.X] - 0.1).max() <= 10e-6
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_load_on_one_way_alone_that_was_taken_for_friction_does_not_make_it_hunt_at_rest(seed: int) -> None:
+    """25 N push on the way back of a sine; then the reference rests, behind 10 ms that the model does not know."""
+    reference = 0.1 + 0.03 * np.sin(np.pi * np.clip(TIME - 0.5, 0.0, 2.0))
+    push = 25.0 * ((TIME >= 0.95) & (TIME < 1.95))
+    scene = axis.scenario(CONTROLLER, reference, push)
+    found = simulate(MODEL, CONTROLLER, scene, replace(axis.BENCH, delay=10), seed)
+    assert np.abs(found.model[-500:, at.X] - 0.1).max() <= 0.5e-3
+
+
 @pytest.mark.parametrize("lost", ["x", "p1", "p2"])
 def test_a_sensor_that_drops_out_for_20_ms_does_not_upset_it(lost: str) -> None:
     found = figures(STEPS, dropouts=((lost, 3.3, 3.32),))

@@ -526,6 +526,17 @@ def test_friction_is_learnt_from_slides_alone_that_no_rest_parts() -> None:
         assert of(s, "ADDED_FRICTION", "LOAD") == [0.0, 4.0]
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_rest_of_the_reference_gives_what_was_learnt_back_to_the_load(way: float) -> None:
+    s = turned(slid(slid(state(), way, -4.0 * way), -way, 4.0 * way), way)
+    assert of(s, "ADDED_FRICTION", "LOAD") == pytest.approx([0.4, 0.0])
+    s[at.STATE.index("S_REF_REST_TIME")] = 0.04
+    assert of(turned(s, way), "ADDED_FRICTION", "LOAD") == pytest.approx([0.4, 0.0])
+    s[at.STATE.index("S_REF_REST_TIME")] = 0.06
+    assert of(turned(s, 0.0), "ADDED_FRICTION", "LOAD") == pytest.approx([0.0, -4.0 * way])
+    assert of(turned(s, 0.0), "LOAD") == pytest.approx([-4.0 * way])
+
+
 def test_learnt_friction_scales_all_dry_friction() -> None:
     s = state(ADDED_FRICTION=0.5)
     assert plant.dry_friction_factor(0.1, 1.0, s, C) == pytest.approx(1.5)
