@@ -321,7 +321,8 @@ class _DelimitedTable:
         texts = [next((row[n] for row in others if row[n] and not is_value(row[n])), "") for n in range(len(names))]
         own = [name or text for name, text in zip(names, texts, strict=True)]
         groups, below = sorted((names, tuple(texts)), key=lambda line: len(set(line)), reverse=True)
-        if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and all(below):
+        told = all(text or group or not there for text, group, there in zip(below, groups, self._there, strict=False))
+        if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and told:
             spread = list[str]()
             for text in groups:
                 spread.append(text or spread[-1] if spread else text)

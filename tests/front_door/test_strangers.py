@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -63,6 +64,16 @@ NAMED = {  # text, and what its columns are taken for
     "absolute and relative readings of one sensor": (
         "t [s],Pressure_Rel,Pressure_abs\n" + rows(T, P - 1, P),
         {"time": "t [s]", "p1": "Pressure_Rel"},
+    ),
+    "loads over pairs of columns, apart by an empty one": (
+        "t [s],100 grams,,,200 grams,\n,Pressure (psi),disp (mm),,Pressure (psi),disp (mm)\n"
+        + rows(T, 15 * P, P, [""] * 600, 15 * P + 1, P),
+        {
+            "time": "t [s]",
+            "p1": "100 grams Pressure (psi)",
+            "p2": "200 grams Pressure (psi)",
+            "x": "100 grams disp (mm)",
+        },
     ),
     "runs whose command rises as a clock does": (
         "mode,pwm,pressure [kPa],timestamp\n"
@@ -168,3 +179,10 @@ def test_channels_of_twincat_may_share_a_column_of_stamps(tmp_path: Path) -> Non
     p1 = found["p1"].values
     np.testing.assert_allclose(p1[np.isfinite(p1)][:100], np.round(P[:100], 4))
     assert found["p1"].unit == "bar"
+
+
+def test_a_group_that_is_called_after_its_rate_has_a_clock(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["Data (100.000000 Hz)/p_tank [bar]"], file["Data (100.000000 Hz)/valve [V]"] = P, ON
+    answer = init.create(tmp_path / "rig", [tmp_path / "a.h5"])
+    assert 'time = { expression = "row / 100" }' in Path(answer.pipeline).read_text(encoding="utf-8")
