@@ -142,7 +142,6 @@ MAX_COMPARED = 60  # columns without names, of which each is compared with each
 COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line
 MIN_COPY_SHARE = 0.5  # of the files
 MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
-MAX_DIFFERENCE = 0.2  # of the largest one, between levels, and ranges, of sensors of one quantity
 MIN_LINE_POINTS = 3  # files that tell a line
 _IN_NAME = re.compile(r"(\d+(?:[.,]\d+)?)\s*([A-Za-z]+)")
 
@@ -158,7 +157,8 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
-    if not any(signal == "p_supply" for signal, *_ in found.values()):
+    signals = {signal for signal, *_ in found.values()}
+    if "p1" in signals and "p_supply" not in signals:
         found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
     if len(own) == 1 and own[0] not in found:
@@ -264,19 +264,13 @@ def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, t
 
 def _position(alike: Sequence[Survey], left: Sequence[int]) -> dict[int, tuple[str, str, str]]:
     """Return the smoothest of the columns that are left: the one that travels least for its range."""
+    if len(left) < 2:
+        return {}
     known = {n: alike[0].columns[n].finite_values for n in left}
-    levels = [float(np.median(values)) for values in known.values()]
-    spans = [float(np.ptp(values)) for values in known.values()]
-    if len(left) < 2 or (len(left) > 2 and _are_alike(levels) and _are_alike(spans)):
-        return {}  # several sensors of one quantity
     travel = {n: float(np.abs(np.diff(values)).sum() / max(np.ptp(values), 1e-30)) for n, values in known.items()}
     best = min(travel, key=lambda n: travel[n])
     unit, note = guess_unit("x", known[best], angle=False)
     return {best: ("x", unit, f"CHECK the smoothest reading; {note}")}
-
-
-def _are_alike(numbers: Sequence[float]) -> bool:
-    return max(numbers) - min(numbers) <= MAX_DIFFERENCE * abs(max(numbers, key=abs))
 
 
 def _force(medians: dict[int, Array], found: dict[int, tuple[str, str, str]]) -> dict[int, tuple[str, str, str]]:
