@@ -318,8 +318,8 @@ class _DelimitedTable:
         """
         wide = [self._rows[n] for n in above if len(self._rows[n]) == self.width == len(names)]
         others = [row for row in wide if row != names and not _are_units(row)]
-        others = [[any(map(str.isalpha, one)) * one for one in row] for row in others]  # rules of dashes say nothing
-        texts = [next((row[n] for row in others if row[n] and not is_value(row[n])), "") for n in range(len(names))]
+        words = [[any(map(str.isalpha, one)) * one for one in row] for row in others]  # rules of dashes say nothing
+        texts = [next((row[n] for row in words if row[n] and not is_value(row[n])), "") for n in range(len(names))]
         own = [name or text for name, text in zip(names, texts, strict=True)]
         groups, below = sorted((names, tuple(texts)), key=lambda line: len(set(line)), reverse=True)
         told = all(text or group or not there for text, group, there in zip(below, groups, self._there, strict=False))
