@@ -255,7 +255,16 @@ NAMES = {
     **{"foot": "ft", "feet": "ft", "inche": "in", "degree": "deg", "radian": "rad", "celsius": "degC"},
     **{"centigrade": "degC", "fahrenheit": "degF", "kelvin": "K", "pascal": "Pa", "meter": "m", "metre": "m"},
     **{"gram": "g", "ampere": "A", "amp": "A", "hertz": "Hz", "litre": "l", "liter": "l", "percent": "%", "pct": "%"},
-    **{"revolution": "rev", "joule": "J", "watt": "W", "ohm": "Ohm", "pound": "lb", "newtonmeter": "Nm", "bar": "bar"},
+    **{
+        "revolution": "rev",
+        "joule": "J",
+        "watt": "W",
+        "ohm": "Ohm",
+        "pound": "lb",
+        "lb": "lb",
+        "newtonmeter": "Nm",
+        "bar": "bar",
+    },
     **{"sekunde": "s", "millimeter": "mm", "micron": "um", "vdc": "V", "秒": "s", "毫秒": "ms"},
 }
 _PREFIX_NAMES = {

@@ -51,6 +51,27 @@ def is_increasing(values: Array, *, named: bool = False) -> bool:
     return float(np.mean(steps > 0)) > MIN_MOVING or bool(several and spread_stamps(values) is not values)
 
 
+def goes_on_evenly(column: Column) -> bool:
+    """Return whether a column in no unit rises by the same each row, and counts no rows."""
+    steps = np.diff(CounterClock().unwrap(column.finite_values))
+    is_even = bool(np.ptp(steps) <= 0.01 * steps[0])
+    return is_even and not counts_rows(column) and not _BARE.search(column.name) and suits_a_clock(column)
+
+
+def suits_a_clock(column: Column) -> bool:
+    """Return whether numbers are those of a clock of recordings in some unit."""
+    values = CounterClock().unwrap(column.finite_values)
+    period, length = float(np.median(np.diff(values))), float(np.ptp(values))
+    if epoch_counter(values) or not period:
+        return True
+    slow = [*SLOW_UNITS.values()]
+    return bool(
+        _plausible(period, length)
+        or [*_date_votes(values, period)]
+        or any(RATES[0] <= 1.0 / (period * factor) for factor in slow)
+    )
+
+
 def counts_rows(column: Column) -> bool:
     """Return whether a column only counts rows, which tells no time."""
     return bool(np.all(np.diff(column.finite_values) == 1.0))
@@ -263,6 +284,9 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     if count[best] >= AGREE and (not others or count[best] > 2 * max(count[unit] for unit in others)):
         return best, f"{best}: {why}"
     doubt = f"; {', '.join(others)} is as likely" if others and count[others[0]] == count[best] else ""
+    if why == LIKELIER:
+        rates = {unit: 1 / (period * CLOCK_UNITS[unit]) for unit in _plausible(period, length) if unit != best}
+        doubt = f" ({', '.join(f'in {unit} {format_plain(own, 4)} Hz' for unit, own in rates.items())})"
     return best, f"CHECK no unit is stated: {rate}, as {why}{doubt}"
 
 

@@ -17,6 +17,16 @@ from pneucli.io.file_units import RANGE, read_unit
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import same_dimension
 
+_DRIVES = (
+    "u op cmd command- valve- -valve ventil- -ventil stell- control- duty pwm vanne valvula ansteuer- drive- input "
+    "pump- relay- solenoid- magnet- switch- dac ao styr- ohjaus- sterow- rizen- vezerl- kumanda- comando mando stuur- "
+    "szelep- управл- -阀- -弁- -指令-"
+)
+_VOLTAGE = (  # of a command, or of a sensor that another word names
+    "voltage spannung -spannung volt spanning spenning napiecie napeti -feszultseg -jannite -spaending tensao tensiune "
+    "напряж- -电压- -電圧- -전압-"
+)
+
 # whole words; with a hyphen behind or before them the beginnings or ends of words, with both the middles of words, as
 # in languages that write no blanks; most telling first, without accents
 NOUNS: dict[str, str] = {
@@ -36,21 +46,18 @@ NOUNS: dict[str, str] = {
     "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion ускорен- -加速度-",
     "temperature": "temp temperature- -temperature temperatur- -temperatur temperatura temperature lampotila темпер- "
     "-温度- -온도-",
-    "command": "u op cmd command- valve- -valve ventil- -ventil voltage spannung stell- control- duty pwm vanne "
-    "valvula ansteuer- drive- volt input pump- relay- solenoid- magnet- switch- dac ao styr- spanning spenning ohjaus- "
-    "sterow- rizen- vezerl- kumanda- comando mando -spannung stuur- napiecie napeti szelep- -feszultseg -jannite "
-    "-spaending tensao tensiune управл- напряж- -电压- -電圧- -전압- -阀- "
-    "-弁- -指令-",
+    "command": f"{_DRIVES} {_VOLTAGE}",
     "flow": "flow- -flow durchfluss- volumenstrom massenstrom mdot debit caudal portata flode- virtaus- vazao расход- "
     "-流量- -유량-",
 }
 _ALONE = {"position": (("pv",), ("sp",)), "pressure": (("supply",),)}  # names that tell where nothing else is said
 MEANT = {  # by quantity: units that are written for others
-    **{("force", "kg"): "kgf", ("force", "lb"): "lbf", ("velocity", "1/min"): "rpm"},
+    **{("force", "kg"): "kgf", ("force", "lb"): "lbf", ("force", "lbs"): "lbf", ("velocity", "1/min"): "rpm"},
 }
 _FEEDBACK = "spool- feedback monitor ist actual istwert"  # of a valve's own sensor, which is no command
 _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
+_COMPONENTS = ("x", "y", "z")
 ANGLES = "angle winkel- -winkel theta phi q"
 SUPPLY = (
     "s ps sup supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 "
@@ -59,6 +66,7 @@ SUPPLY = (
 UPSTREAM = "up upstream vor inlet in entry eingang primary"
 DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
 DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p Δ"  # of two pressures
+NO_SIGNAL = "battery- batter- akku- gyro- gyr id uid heart-"  # what recorders add, which is no signal of an axis
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
@@ -101,6 +109,7 @@ _MARKED = re.compile(
     r"^([^\[(<{]+?),\s*(\S+)$|^(.*?)\s*\[\s*([^\]]*?)\s*\]\s*$|^(.*?)\s*[(<{]\s*([^\])>}]*)\s*[)>}]\s*$|"
     r"^(.+?)\s+in\s+(\S+)$|^()in\s+(\S+)$"
 )
+_FOREIGN = re.compile(r"[kmunµ][A-Z]")  # a unit that no rig records, such as mT, and no words
 _SUFFIX = re.compile(r"^(.+)_([^_\s]+)$")
 _NO_NAMES = re.compile(r"(?i)data|(?:y_)?values?|signal|samples|(?:in|out)\d*")  # last parts of paths that say nothing
 _INNER = re.compile(r"(?<=\S)\s*\[[^\]]*\](?=\s*\([^()]*\)$)")  # a unit in front of its state: "Q [l/min] (ANR)"
@@ -133,11 +142,11 @@ class ColumnName:
             return next(iter((*nouns, *(kind for kind, words in _ALONE.items() if self.words in words))), "")
         if meant := next((noun for noun in nouns if (noun, self.unit) in MEANT), ""):
             return meant
+        scaled = by_unit == "command" or (not by_unit and self.unit == "%")
+        if scaled and nouns and nouns[0] in _SENSED and not self.has(_DRIVES):
+            return nouns[0]  # the output of a sensor, whose scale people have to say
         if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
-        scaled = by_unit == "command" or (not by_unit and self.unit == "%")
-        if scaled and nouns[0] in _SENSED and "command" not in nouns:
-            return nouns[0]  # the output of a sensor, whose scale people have to say
         if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND}".split() for word in self.noun_words):
             return by_unit  # "Chamber A [psia]" is no acceleration
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
@@ -159,10 +168,15 @@ def quantity_kind(unit: str) -> str:
     )
 
 
+def is_angle(unit: str) -> bool:
+    """Return whether a unit measures an angle."""
+    return quantity_kind(unit) == "position" and not same_dimension(unit, "m")
+
+
 def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     """Yield the signals that a name may mean, and how well it fits."""
     kind, nouns = name.kind, name.nouns
-    if name.has(_RESULTS) or (kind == "pressure" and name.has(_AMBIENT)):
+    if name.has(f"{_RESULTS} {NO_SIGNAL}") or (kind == "pressure" and name.has(_AMBIENT)):
         return
     certainty = 1.0 + bool(nouns) - 0.5 * name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}")
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
@@ -201,7 +215,8 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
     """Return what the name of a column says; ``is_text``: whether a slash before a unit divides."""
     stem, unit, certainty = _stem_and_unit(column.name, is_text)
     if column.written and not column.unit:
-        return ColumnName(_words(f"{stem} {column.written}" if len(column.written) > 1 else stem), "")
+        is_foreign = len(column.written) < 2 or _FOREIGN.fullmatch(column.written)
+        return ColumnName(_words(stem if is_foreign else f"{stem} {column.written}"), "")
     name = ColumnName(_words(stem), column.unit or unit)
     if not certainty and not column.unit and name.nouns and quantity_kind(unit) not in name.nouns:
         return ColumnName(_words(f"{stem}_{unit}"), "")  # p_s is no pressure in seconds
@@ -210,17 +225,21 @@ def read_name(column: Column, is_text: bool) -> ColumnName:
 
 def variants(names: Sequence[ColumnName]) -> set[int]:
     """Return the columns of a channel that another one has as it was read: filtered ones, and ranges of a mean."""
-    kinds = ("", _MEANS, _PLAIN_READINGS, _DERIVED, _SPREADS)
+    kinds = ("", _MEANS, f"{_PLAIN_READINGS} {_VOLTAGE}", _DERIVED, f"{ABSOLUTE} {GAUGE}", _SPREADS)
     found: dict[object, list[tuple[int, int]]] = {}
-    units: dict[object, str] = {}
-    for n, name in enumerate(names):
-        at = [
-            max(k for k, own in enumerate(kinds) if k == 0 or ColumnName((word,), "").has(own)) for word in name.words
-        ]
-        stem = tuple(word for word, k in zip(name.words, at, strict=True) if not k)
-        unit = name.unit or (units.get(stem, "") if name.has(_PLAIN_READINGS) else "")
-        units.setdefault(stem, unit)
-        found.setdefault((stem, unit), []).append((max(at, default=0), n))
+    at = [
+        [max(k for k, own in enumerate(kinds) if k == 0 or ColumnName((word,), "").has(own)) for word in name.words]
+        for name in names
+    ]
+    raw = [name.has(_PLAIN_READINGS) or (name.has(_VOLTAGE) and name.kind in _SENSED) for name in names]
+    stems = [
+        tuple(word for word, k in zip(name.words, own, strict=True) if not k)
+        for name, own in zip(names, at, strict=True)
+    ]
+    units = {stem: name.unit for stem, name, own in zip(stems, names, raw, strict=True) if not own}
+    for n, (stem, name) in enumerate(zip(stems, names, strict=True)):
+        unit = units.get(stem, name.unit) if raw[n] else name.unit
+        found.setdefault((stem, unit), []).append((max(at[n], default=0), n))
     return {n for same in found.values() for kind, n in same if kind and (kind, n) != min(same)}
 
 
@@ -232,9 +251,8 @@ def is_spread(name: ColumnName) -> bool:
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
     plain = "".join(letter for letter in plain if letter in _VOICED or not unicodedata.combining(letter))
-    found = (
-        _JOINED.fullmatch(part.lower()) or part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain))
-    )
+    parts = ("flow" if part == "Q" else part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain)))
+    found = (_JOINED.fullmatch(part) or part for part in parts)  # a joint's angle is a small q
     words = tuple(word for one in found for word in ((one,) if isinstance(one, str) else one.groups()))
     return words[:1] if words[:1] and words[0] in _INPUTS and all(len(word) < 3 for word in words[1:]) else words
 
@@ -263,8 +281,11 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
                 )
                 return stem, unit, certainty
             if pattern is _MARKED:
-                return stem if read_unit(unit).unit or len(unit) < 2 else f"{stem} {unit}", "", True
-    return _telling_part(name), "", True
+                is_foreign = read_unit(unit).unit or len(unit) < 2 or _FOREIGN.fullmatch(unit)
+                return stem if is_foreign else f"{stem} {unit}", "", True
+    last = _telling_part(name)
+    is_alone = len(last) > 2 and is_unit(last) and quantity_kind(last) not in ("", "time")  # "rpm", "psi"
+    return last, last * is_alone, True
 
 
 def _stands_behind_a_blank(text: str, stem: Sequence[str]) -> bool:
@@ -313,7 +334,22 @@ def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
         element = last.isdigit() or any(len(name.words) == len(name.nouns) == 1 for name in before)
         both = parts and (ends[last] > 1 or (element and not read_name(one, is_text).nouns))
         found.append(read_name(replace(one, name=f"{parts[0]} {last}") if both else one, is_text))
-    return found
+    return _without_components(found)
+
+
+def _without_components(names: Sequence[ColumnName]) -> list[ColumnName]:
+    """Return names without x, y and z where all three stand beside one word: parts of a vector, not positions."""
+    stems = [tuple("" if word in _COMPONENTS else word for word in name.words) for name in names]
+    letters = {
+        stem: {name.words[stem.index("")] for name, own in zip(names, stems, strict=True) if own == stem}
+        for stem in stems
+        if stem.count("") == 1 and len(stem) > 1
+    }
+    vectors = {stem for stem, own in letters.items() if len(own) == len(_COMPONENTS)}
+    return [
+        replace(name, words=tuple(filter(None, stem))) if stem in vectors else name
+        for name, stem in zip(names, stems, strict=True)
+    ]
 
 
 def _matches(word: str, words: Sequence[str]) -> bool:

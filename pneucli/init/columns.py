@@ -13,13 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.errors import InputError
 from pneucli.init.clock_columns import (
     counts_rows,
     epoch_counter,
+    goes_on_evenly,
     guess_clock_unit,
     is_increasing,
     may_be_clock,
     repeated_clocks,
+    suits_a_clock,
     unusual_rate,
 )
 from pneucli.init.column_names import (
@@ -31,19 +34,21 @@ from pneucli.init.column_names import (
     SUPPLY,
     UPSTREAM,
     ColumnName,
+    is_angle,
     is_spread,
     quantity_kind,
     read_names,
     signal_scores,
     variants,
 )
-from pneucli.init.role_evidence import guess_unnamed_columns, rivals, role_evidence
+from pneucli.init.role_evidence import guess_unnamed_columns, pressures_in_name, rivals, role_evidence
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import AT_AMBIENT, guess_unit, implausibility
-from pneucli.io.clock import CounterClock
+from pneucli.io.clock import continuous_stamps
 from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
-from pneucli.quantities import SIGNALS
+from pneucli.io.timestamp_order import TimestampCheck
+from pneucli.quantities import ROTARY_UNITS, SIGNALS
 from pneucli.unit_table import ANR
 from pneucli.units import is_count, parse_unit, same_dimension
 
@@ -52,6 +57,7 @@ _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where 
 SET = ("u", "u2", "x_ref", "p_ref", "p_supply")  # signals that may change between a few values
 SPREAD_ALONE = "CHECK the least or the most of each interval, as its name says, and no reading: export the mean"
 ONLY_PRESSURE = "taken for p1, as no other pressure is recorded"
+MAX_MISSED = 3.8  # factor by which a name's number may miss a reading: bar and psi, the nearest units, are 14.5 apart
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
 
@@ -91,7 +97,9 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
     why |= _assign_single_pressure(taken, names)
-    guesses = _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
+    guesses = _motion_of_x(
+        _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
+    )
     return [
         replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
         for n, one in enumerate(guesses)
@@ -108,6 +116,24 @@ def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
         return list(guesses)
     note = f"CHECK no unit is stated: taken for {told.unit}, as {told.signal} is"
     return [replace(g, unit=told.unit, note=note) if id(g) in mute and g.unit != told.unit else g for g in guesses]
+
+
+def _motion_of_x(guesses: Sequence[Guess]) -> list[Guess]:
+    """Return the guesses with what moves x in its kind of unit: of an angle turns; others are left out."""
+    place = next((g.unit for g in guesses if g.signal in ("x", "x_ref")), "mm")
+    found = []
+    for g in guesses:
+        wanted = SIGNALS[g.signal].unit if g.signal in (*MOTION, "force") else ""
+        wanted = ROTARY_UNITS[wanted] if wanted and is_angle(place) else wanted
+        if not wanted or same_dimension(g.unit, wanted):
+            found.append(g)
+        elif g.unit_stated or not is_angle(place):
+            moved = "an angle" if is_angle(place) else "no angle"
+            found.append(Guess(g.column, "", g.unit, note=f"{g.unit} is no unit of {g.signal}, as x is {moved}"))
+        else:
+            note = f"CHECK no unit is stated: taken for {wanted}, as x is an angle"
+            found.append(replace(g, unit=wanted, note=note, ask_unit=False))
+    return found
 
 
 def _differ_by_number(columns: Sequence[Column], names: Sequence[ColumnName], clock: int | None) -> bool:
@@ -148,13 +174,29 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     missing = _marks(alike, n, signal)
     known = np.concatenate([one.columns[n].finite_values for one in alike])
     known = known[~np.isin(known, missing)]
-    found = replace(_unit_guess(column, signal, name, known), missing=missing)
+    found = _in_unit_of_files(alike, replace(_unit_guess(column, signal, name, known), missing=missing), known)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
     if doubt and not found.unit_stated and signal not in COMMANDS:  # a command counts in whatever the bench takes
         written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
         note = f"CHECK {written}, and in {found.unit} this cannot be: {doubt.partition(': ')[2]}"
         return replace(found, note=note, ask_unit=True)
     return replace(found, note="; ".join(filter(None, (found.note, _marks_note(missing), doubt))))
+
+
+def _in_unit_of_files(alike: Sequence[Survey], guess: Guess, known: Array) -> Guess:
+    """Return a pressure that says no unit in the one behind a number of the files' names, such as ``0-9psi``.
+
+    Only where it reaches about that number: a name may say the supply, in another unit than the columns have.
+    """
+    named = [pressures_in_name(one.path) for one in alike]
+    mute = not (guess.unit_stated or guess.column.written or AT_AMBIENT in guess.note) and np.isfinite(guess.scale)
+    if not mute or not guess.signal.startswith("p") or len(units := set().union(*named)) != 1 or not known.size:
+        return guess
+    unit = units.pop()
+    most, reached = max(one.get(unit, 0.0) for one in named), float(np.abs(known).max())
+    if not most < MAX_MISSED * reached < MAX_MISSED**2 * most:
+        return guess
+    return replace(guess, unit=unit, note=f"CHECK no unit is stated: taken for {unit}, which the file's name says")
 
 
 def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> Guess:
@@ -212,6 +254,18 @@ def _counts_in_name(name: str) -> str:
 
 
 def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
+    """Return the clock with its unit, and a doubt where it runs back, which reading refuses."""
+    guess = _clock_in_its_unit(found, column, name)
+    seconds = continuous_stamps(column.values) * guess.scale * parse_unit(guess.unit).factor
+    try:
+        TimestampCheck(lambda row: f"row {row + 1}").classify_rows(seconds, seconds.size)
+    except InputError as error:
+        doubt = f"CHECK {error.where}: {error.found}; {error.mend}"
+        return replace(guess, note="; ".join(filter(None, (guess.note, doubt))))
+    return guess
+
+
+def _clock_in_its_unit(found: Survey, column: Column, name: ColumnName) -> Guess:
     if name.unit in ("", "ms") and (counter := epoch_counter(column.finite_values)):
         unit, scale, what = counter
         return Guess(column, "time", unit, False, "", f"CHECK {what}", scale=scale)
@@ -254,15 +308,10 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: 
     )
     labview = [n for n in rising if names[n].words == ("x", "value")]
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not counts_rows(columns[n])]
-    nameless = [n for n in rising if not names[n].words and not (is_rated and counts_rows(columns[n]))]
-    even = [n for n in rising if not names[n].unit and _goes_on_evenly(columns[n])]
+    nameless = [n for n in rising if not names[n].words and suits_a_clock(columns[n])]
+    nameless = [n for n in nameless if not (is_rated and counts_rows(columns[n]))]
+    even = [n for n in rising if not names[n].unit and goes_on_evenly(columns[n])]
     return next(iter([*first, *labview, *index, *nameless, *even]), None)
-
-
-def _goes_on_evenly(column: Column) -> bool:
-    """Return whether a column rises by the same each row, and counts no rows."""
-    steps = np.diff(CounterClock().unwrap(column.finite_values))
-    return bool(np.ptp(steps) <= 0.01 * steps[0]) and not counts_rows(column)
 
 
 def _is_switched(column: Column) -> bool:

@@ -13,11 +13,10 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.experiments import ExperimentName
-from pneucli.init.column_names import quantity_kind
+from pneucli.init.column_names import is_angle
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.messages.formatting import format_plain
-from pneucli.units import same_dimension
 
 POSITION_BINS = 20  # of the piston's position
 MAX_CLOSED_DEVIATION = 0.2  # share of a closed chamber's deviation that the position does not explain
@@ -223,11 +222,6 @@ def _cylinder_keys(moved: Sequence[FileGroup], axes: bool) -> Iterator[Line]:
     yield ("# moment_of_inertia" if rotary else "# moving_mass"), f'"? {mass}"', "identified where absent"
 
 
-def is_angle(unit: str) -> bool:
-    """Return whether a unit measures an angle."""
-    return quantity_kind(unit) == "position" and not same_dimension(unit, "m")
-
-
 MAX_END_SAMPLES = 3  # samples at either end of a scaled column: a sensor that rests or clips has more there
 MIN_LEVELS = 50  # different numbers of a column that may be scaled
 SCALED_ENDS = ((0.0, 1.0), (-1.0, 1.0), (0.0, 100.0))
@@ -280,9 +274,11 @@ def _count_at(values: Array, level: float) -> int:
 def limits_of(groups: Sequence[FileGroup]) -> Iterator[str]:
     """Yield what cannot be identified from files in which neither a pressure nor a force was recorded."""
     for kind in groups:
-        if kind.steady or kind.signals.keys() & {"p1", "p2", "p_supply", "force"}:
+        held = kind.signals.keys() & {"x", "v", "a"}
+        if kind.steady or kind.signals.keys() & {"p1", "p2", "p_supply"} or (held and "force" in kind.signals):
             continue
         names = ", ".join(name for name in kind.signals if name != "time") or "no signal"
+        wanted = "x beside the force" if "force" in kind.signals else "the force on the piston beside x"
         if {"u", "x"} <= kind.signals.keys():
             yield (
                 f"{kind.surveys[0].path.name}: {names} and no pressure: friction and one gain of the valve show in "
@@ -291,5 +287,5 @@ def limits_of(groups: Sequence[FileGroup]) -> Iterator[str]:
             continue
         yield (
             f"{kind.surveys[0].path.name}: {names} and no pressure: neither the valve's map nor friction can be "
-            "identified; record p1 (and p2, p_supply), or the force on the piston beside x"
+            f"identified; record p1 (and p2, p_supply), or {wanted}"
         )

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock_unit
-from pneucli.init.column_names import DIFFERENCE, SUPPLY, ColumnName, quantity_kind
+from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit
+from pneucli.init.units import guess_unit, implausibility
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import parse_unit, same_dimension
 
@@ -53,7 +54,8 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
         for n in free:
             letters = all(len(word) == 1 for word in names[n].noun_words)
             volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position
-            nameless = not (names[n].nouns and names[n].kind) and quantity_kind(names[n].unit) == ""
+            is_share = quantity_kind(names[n].unit) == "" and (not names[n].unit or same_dimension(names[n].unit, "1"))
+            nameless = is_share and not (names[n].nouns and names[n].kind) and not names[n].has(NO_SIGNAL)
             if (nameless or volts) and looks_set(columns[n].values):
                 why = "CHECK it is set in steps and shows no noise, as a command does"
                 yield Evidence(n, "u", SURE if volts else LIKELY, why)
@@ -155,7 +157,8 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
     found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
     found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
-    if not any(signal == "p_supply" for signal, *_ in found.values()):
+    signals = {signal for signal, *_ in found.values()}
+    if "p1" in signals and "p_supply" not in signals:
         found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
     if len(own) == 1 and own[0] not in found:
@@ -165,7 +168,8 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
         note = f"column {columns[twins[n]].key} in other numbers" if n in twins else note
-        guesses.append(Guess(column, signal, unit, False, "", note))
+        asked = bool(signal) and not column.unit and bool(implausibility(signal, unit, column.finite_values))
+        guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses
 
 
@@ -237,13 +241,19 @@ def _resolution(values: Array) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
+def pressures_in_name(path: Path) -> dict[str, float]:
+    """Return the largest pressure that a file's name says, by unit."""
+    found = dict[str, float]()
+    for number, unit in _IN_NAME.findall(path.stem):
+        found[unit] = max(found.get(unit, 0.0), float(number.replace(",", ".")))
+    return {unit: number for unit, number in found.items() if is_unit(unit) and same_dimension(unit, "Pa")}
+
+
 def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, tuple[str, str, str]]:
     """Return the column whose median is the pressure in each file's name, such as 7 in O-ring_7bar."""
-    pressures_in_names = [
-        {unit: float(number.replace(",", ".")) for number, unit in _IN_NAME.findall(one.path.stem)} for one in alike
-    ]
+    pressures_in_names = [pressures_in_name(one.path) for one in alike]
     for unit in pressures_in_names[0]:
-        if not is_unit(unit) or not same_dimension(unit, "Pa") or not all(unit in one for one in pressures_in_names):
+        if not all(unit in one for one in pressures_in_names):
             continue
         wanted = np.array([one[unit] for one in pressures_in_names])
         for n, median in medians.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -39,6 +40,7 @@ __all__ = ["Column", "Guess", "Survey", "survey_file"]
 
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change
+_RATE = re.compile(r"\((\d+(?:\.\d+)?) (k)?Hz\)")
 MAX_TEXTS = 3  # texts of a column that are shown
 
 
@@ -214,7 +216,7 @@ def _survey_binary(raw: RawFile) -> Survey:
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
     columns = [with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
-    scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1}
+    scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1} | _rate_of_group(columns)
     columns = [one for one in columns if one.values.size > 1]
     if not columns:
         raise InputError(
@@ -237,6 +239,13 @@ def _survey_binary(raw: RawFile) -> Survey:
     kept = [one for one in columns if one.values.size == usual]
     found, left, runs = _shaped(reader, kept, {name: own for name, own in labels.items() if own.size == usual})
     return Survey(raw, False, found, scalars, [*unused, *other, *left], runs=runs)
+
+
+def _rate_of_group(columns: Sequence[Column]) -> dict[str, float]:
+    """Return the rate (Hz) that the one group of all columns is called after, as recorders of NI do; else nothing."""
+    groups = {one.name.rpartition("/")[0] for one in columns}
+    said = _RATE.search(groups.pop()) if len(groups) == 1 else None
+    return {"rate": float(said[1]) * (1e3 if said[2] else 1.0)} if said else {}
 
 
 def _aligned(columns: Sequence[Column], shared: Column | None = None) -> list[Column]:

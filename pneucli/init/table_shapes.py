@@ -213,7 +213,8 @@ def _starts_anew(values: Array, edges: ColumnValues) -> bool:
 
 
 def _rows_of(columns: Sequence[Column], key: ColumnKey, run: str, rows: ColumnValues) -> list[Column]:
-    clock = next((one for one in columns if one.unit == "s" or is_increasing(one.values[rows])), None)
+    called = sorted(columns, key=may_be_clock, reverse=True)
+    clock = next((one for one in called if one.unit == "s" or is_increasing(one.values[rows])), None)
     return [replace(one, values=one.values[rows], where=None if one is clock else (key, run)) for one in columns]
 
 

@@ -24,7 +24,7 @@ from pneucli.messages.formatting import format_plain
 
 _MONTH = r"[^\s\d.,:;/-]{3,10}\.?"
 _DATE = (
-    rf"\d{{4}}-W\d\d-\d|\d{{1,4}}[-./]\d{{1,2}}[-./]\d{{1,4}}|\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{2,4}}|"
+    rf"\d{{4}}-W\d\d-\d|\d{{4}}-\d{{3}}|\d{{1,4}}[-./]\d{{1,2}}[-./]\d{{1,4}}|\d{{1,2}}\.?[- ]{_MONTH}[- ]\d{{2,4}}|"
     rf"{_MONTH} \d{{1,2}},? \d{{4}}"
 )
 _DAY = rf"(?P<day>{_DATE})"
@@ -51,7 +51,8 @@ _SPELLINGS = (  # of stamps, and what is read in their place
     (r"^(\d+)h ?(\d+)m(?:in)? ?(\d+(?:\.\d+)?)s$", r"PT\1H\2M\3S"),
     (_COMPACT + r"(\d{3}|\d{6}|\d{9})$", r"\1-\2-\3 \4:\5:\6.\7"),
     (_COMPACT + r"($|[^\d])", r"\1-\2-\3 \4:\5:\6\7"),
-    (r"^\s*(\d+)(?:\.| days? )(\d\d):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # durations of .NET, pandas
+    (r"^\s*(\d{4})[:-](\d{3})[:/T ](\d\d:\d\d)", r"\1-\2 \3"),  # a year and its day
+    (r"^\s*(\d+)(?:\.| ?d(?:ays?)?,? | )(\d\d):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # of .NET, pandas
 )
 _SPANS = {"d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # s
 _PARTS = "T?".join(rf"(?:(?P<{unit}>\d+(?:\.\d+)?){unit}_?)?" for unit in _SPANS)
@@ -287,8 +288,10 @@ def _parse_date(text: str, day_first: bool) -> datetime:
     try:
         if "-W" in text:
             return datetime.fromisoformat(text)
+        if re.fullmatch(r"\d{4}-\d{3}", text):
+            return datetime.strptime(text, "%Y-%j")
         found: datetime = parser.parse(text, dayfirst=day_first and not year_first, yearfirst=year_first)
-    except (parser.ParserError, OverflowError) as error:
+    except (ValueError, OverflowError) as error:
         raise ValueError(f'"{text}"') from error
     return found
 

@@ -272,10 +272,17 @@ class DelimitedReader(Reader):
         rows = self._rows()
         while block := [(number, line, self._look.split(line)) for number, line in islice(rows, BLOCK_ROWS)]:
             if any(len(fields) != len(self.names) for *_, fields in block) or not self._readable(block, asks):
-                for row in block:
+                for n, row in enumerate(block):
                     if found := self._fault_of(row, asks):
-                        return found
+                        widths = {len(fields) for *_, fields in block[n : n + MIN_ROWS_ABOVE]}
+                        return self._another_table(row) if widths == {len(row[2])} - {len(self.names)} else found
         return InputError(str(self._raw.path), error, "rows of numbers", "mend the file", code="E043")
+
+    def _another_table(self, row: Row) -> InputError:
+        number, line, fields = row
+        found = f"from here on {len(fields)} columns in place of {len(self.names)}: {line[:60]!r}"
+        mend = "cut the file there, and give the rows below it a header of their own"
+        return InputError(f"{self._raw.path}, line {number}", found, f"{len(self.names)} as above", mend, code="E043")
 
     def _fault_of(self, row: Row, asks: Sequence[ColumnRequest]) -> InputError | None:
         number, line, fields = row

@@ -61,7 +61,8 @@ class PackedReader(Reader):
 
 def shown_name(path: Path, inner: Path) -> str:
     """Return how messages name what was unpacked."""
-    return str(path) if path.name.startswith(inner.name) else f"{path}/{inner.name}"
+    is_itself = path.name.startswith(inner.name) or path.stem == inner.stem  # a.csv.gz, a workbook
+    return str(path) if is_itself else f"{path}/{inner.name}"
 
 
 def unpacked_once(path: Path, name: str, unpack: Unpack) -> Path:

@@ -37,6 +37,7 @@ DELIMITERS = ("\t", ";", ",", " ", "|")
 MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
 MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
+MIN_USUAL_SHARE = 0.5  # of the lines of a table, that are as wide: else they are a log of sentences
 MIN_SIDE = 10  # columns a line, of a table that lies on its side
 MIN_VALUE_SHARE = 0.8  # share of the rows that tells what a column is
 _THOUSANDS = re.compile(
@@ -70,18 +71,19 @@ def sniff(raw: RawFile) -> SniffedLayout:
     head = head_of(raw)
     lines, rewritings = head.lines[:MAX_LINES], rewritings_in(head.text)
     marks = [raw.delimiter] if raw.delimiter else DELIMITERS
-    found = max(
-        (_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks),
-        key=lambda table: (table.score, table.delimiter != " ", table.width),  # a blank also parts date and time
-    )
-    if found.lies_on_its_side:
-        where, told = f"{raw.path}, line 1", f"{found.width} columns, and a channel in each line"
+    tables = [_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks]
+    found = max(tables, key=lambda one: (one.score, one.delimiter != " ", one.width))  # a blank also parts dates
+    if sideways := next((one for one in tables if one.lies_on_its_side), None):
+        where, told = f"{raw.path}, line 1", f"{sideways.width} columns, and a channel in each line"
         raise InputError(
             where, told, "a row for each sample", "transpose the table, or export it in columns", code="E041"
         )
     if found.is_cut_in_numbers:
         told, mend = "the comma cuts columns and stands in numbers", "export it with semicolons, or with points"
         raise InputError(str(raw.path), told, "a mark for each", mend, code="E041")
+    if not raw.skip_rows and (line := found.line_of_another_table):
+        told, mend = f"the columns become {found.width} here", f"cut the file there, or say --skip-rows {line - 1}"
+        raise InputError(f"{raw.path}, line {line}", told, "as many columns as above", mend, code="E043")
     if not found.score:
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
         raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
@@ -136,6 +138,7 @@ class _DelimitedTable:
         self._scale_line = -1
         self.start = self._first_row()
         usual = len(self._tail) / max(len(tail), 1)
+        usual *= usual >= MIN_USUAL_SHARE
         words = bare_hexadecimal(self._tail, self.width)
         cells = _share(n in self._numeric or n in words or not there[n] for n in range(self.width))
         single = 0.1 if self.width == 1 else 1.0  # cut by nothing
@@ -146,10 +149,17 @@ class _DelimitedTable:
 
     @property
     def lies_on_its_side(self) -> bool:
-        """Whether each line has a name in front, and the samples of one channel."""
+        """Whether each line has the samples of one channel, named or more of them than a table has columns."""
         rows = [row for row in self._rows if row and len(row) == self.width]
-        named = rows and not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
-        return bool(named) and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
+        named = not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
+        told = named or self.width >= _MAX_COLUMNS
+        return bool(rows) and told and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
+
+    @property
+    def line_of_another_table(self) -> int:
+        """The line at which the rows begin, where many rows of another width stand above; 0 where few do."""
+        above = [row for row in self._rows[: self.start or 0] if len(row) > 1 and all(map(is_cell, row))]
+        return (self.start or 0) + 1 if len(above) > MIN_TABLE_SHARE * len(self._rows) else 0
 
     @property
     def is_cut_in_numbers(self) -> bool:
@@ -198,7 +208,7 @@ class _DelimitedTable:
         titles, own = ((), ()) if paired else self._channel_table(above, names)
         titles = titles or (() if paired else self._other_lines(above, names))
         wide = (self._rows[n] for n in above if len(self._rows[n]) == self.width and n != at)
-        units = units or own or next((row for row in wide if _are_units(row)), ())
+        units = units or own or next((row for row in wide if _are_units(row)), ()) or self._units_told(start, names)
         scales = self._keyed(above, _SCALES) or self._scales or ("",) * len(units)
         units = units or tuple(unit_in_brackets(name) for name in names) * bool(self._scales)
         units = tuple(BRACKETS.sub(r"\1", text) for text in units)
@@ -224,18 +234,25 @@ class _DelimitedTable:
         first, *rest = self._rows[wide[-1]][: self.width] if wide else ("",)
         stamped = is_date_or_time(first) and not any(map(is_value, rest))  # a serial monitor stamps names as well
         titles = ("time", *rest) if stamped else titles
-        if stamped or (titles and not others) or not wide or self._has_value(wide[-1]):
+        numbers = wide and not titles and all(map(self._has_value, wide)) and self._names_numbers(wide[-1])
+        if not numbers and (stamped or (titles and not others) or not wide or self._has_value(wide[-1])):
             return titles, self._keyed(keyed, _UNITS), None
         for before, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[before])):
                 texts = [n for n in wide if n <= before and not self._has_value(n)]
                 names = max(texts, key=lambda n: (self._distinct(n), n), default=before)
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
-        last = next((n for n in reversed(wide) if self._has_value(n)), -1)
+        last = -1 if numbers else next((n for n in reversed(wide) if self._has_value(n)), -1)
         most = max((n for n in wide[-MAX_HEADER_LINES:] if n > last), key=lambda n: (self._distinct(n), n))
         if self._rows[most][0] in _MARKS and len(self._rows[most]) > self.width:
             return self._rows[most][1:], (), None
         return self._rows[most][: self.width], (), most
+
+    def _names_numbers(self, line: int) -> bool:
+        """Return whether a line names columns, some by numbers: words above the stamps, and no number twice."""
+        row = self._rows[line][: self.width]
+        words = [n for n, field in enumerate(row) if field and not is_cell(field)]
+        return len(words) > 1 and words[0] == 0 == self._numeric[0] and len(set(row)) == len(row)
 
     def _counts_rows(self) -> bool:
         """Return whether the first column counts rows."""
@@ -301,10 +318,12 @@ class _DelimitedTable:
         """
         wide = [self._rows[n] for n in above if len(self._rows[n]) == self.width == len(names)]
         others = [row for row in wide if row != names and not _are_units(row)]
-        texts = [next((row[n] for row in others if row[n] and not is_value(row[n])), "") for n in range(len(names))]
+        words = [[any(map(str.isalpha, one)) * one for one in row] for row in others]  # rules of dashes say nothing
+        texts = [next((row[n] for row in words if row[n] and not is_value(row[n])), "") for n in range(len(names))]
         own = [name or text for name, text in zip(names, texts, strict=True)]
         groups, below = sorted((names, tuple(texts)), key=lambda line: len(set(line)), reverse=True)
-        if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and all(below):
+        told = all(text or group or not there for text, group, there in zip(below, groups, self._there, strict=False))
+        if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and told:
             spread = list[str]()
             for text in groups:
                 spread.append(text or spread[-1] if spread else text)
@@ -326,6 +345,13 @@ class _DelimitedTable:
         fitting = [fields for fields in map(cut.split, comments) if len(fields) == self.width]
         return tuple(fitting[-1]) if fitting and not any(map(is_value, fitting[-1])) else ()
 
+    def _units_told(self, start: int, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the units that comments above the rows tell in words: "aortic pressure in mmHg"."""
+        told = [_IN_WORDS.fullmatch(line.strip(" \t#%.")) for line in self._lines[:start] if _is_comment(line)]
+        said = {word: one[2] for one in told if one and is_unit(one[2]) for word in one[1].lower().split()}
+        units = tuple(said.get(name.lower(), "") for name in names)
+        return units * any(units)
+
     def _thousands(self) -> dict[int, str]:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
@@ -337,6 +363,7 @@ class _DelimitedTable:
         }
 
 
+_IN_WORDS = re.compile(r"([\w ]+?) in (\S+)")
 _VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(

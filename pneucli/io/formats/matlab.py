@@ -134,7 +134,10 @@ def open_mat(path: Path) -> ColumnReader:
     """
     from scipy.io import whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
-    variables = whosmat(path)
+    try:
+        variables = whosmat(path)
+    except TypeError:  # SciPy asks an object for its shape, which it has not read
+        variables = [("a table or series", (), "opaque")]
     owner: dict[str, str] = {}
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}

@@ -30,31 +30,41 @@ def open_twincat(path: Path) -> ColumnReader:
     rows = [[field.strip() for field in line.split(delimiter)] for line in lines]
     at = next(n for n, row in enumerate(rows) if row and row[0].lower().startswith("symbolcomment"))
     start = next((n for n in range(at, len(rows)) if _is_data(rows[n])), len(rows))
-    keys: dict[str, list[str]] = {}
-    for row in rows[max(0, at - 1) : start]:
-        if len(row) > 1 and row[0]:
-            keys[row[0]] = row[1::2]
-    names = keys.get("Name") or keys.get("SymbolName") or []
+    keys = {row[0]: row for row in rows[max(0, at - 1) : start] if len(row) > 1 and row[0]}
+    told = {n for key, row in keys.items() if key != "Name" for n, field in enumerate(row) if field == key}
+    stamps = sorted(told)  # a key stands above each column of stamps
+    width = max(map(len, keys.values()), default=0)
+    places = [n for n in range(width) if n not in told]
+    names = _of_channels(keys.get("Name") or keys.get("SymbolName") or [], places)
     body = [row for row in rows[start:] if _is_data(row)]
     if not names or not body:
         raise InputError(str(path), f"a {TWINCAT.name} without rows", "rows of numbers", "export it again", code="E041")
     comma = delimiter != "," and not any("." in field for row in body[:20] for field in row)
-    width = 2 * len(names)
     table = np.array([[_number(field, comma) for field in [*row[:width], *[""] * (width - len(row))]] for row in body])
     unit = next((match[1] for key in keys if (match := _SAMPLE_TIME.match(key))), "ms")
-    units = next((values for key, values in keys.items() if key.lower() in ("unit", "units")), [])
-    return _with_clocks(path, names, table, unit, units)
+    units = next((_of_channels(row, places) for key, row in keys.items() if key.lower() in ("unit", "units")), [])
+    pairs = [(max(n for n in stamps if n < place), place) for place in places]
+    return _with_clocks(path, names, [(table[:, clock], table[:, place]) for clock, place in pairs], unit, units)
+
+
+def _of_channels(row: Sequence[str], places: Sequence[int]) -> list[str]:
+    """Return what a line says of the channels, which stand at ``places``; several may follow one column of stamps."""
+    return [row[n] for n in places if n < len(row)]
 
 
 def _with_clocks(
-    path: Path, names: Sequence[str], table: ColumnValues, unit: str, units: Sequence[str]
+    path: Path,
+    names: Sequence[str],
+    pairs: Sequence[tuple[ColumnValues, ColumnValues]],
+    unit: str,
+    units: Sequence[str],
 ) -> ColumnReader:
     columns: dict[str, ColumnValues] = {}
     clocks: dict[str, str] = {}
     file_units: dict[str, str] = {}
     for number, name in enumerate(names):
         own = name if names.count(name) == 1 else f"{name}/{number + 1}"
-        stamps, values = table[:, 2 * number], table[:, 2 * number + 1]
+        stamps, values = pairs[number]
         there = np.isfinite(stamps)
         columns |= {f"{own}/time": stamps[there], own: values[there]}
         clocks[own] = f"{own}/time"

@@ -1,0 +1,188 @@
+"""What recordings of strangers hold: each is read right, doubted, or refused in words."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from pneucli.errors import InputError
+from pneucli.init.survey import survey_file
+from pneucli.io.raw_file import RawFile
+from pneucli.messages.init import Answer
+from pneucli.stages import init
+
+T = np.arange(600) / 100
+P = 1.0 + 2.0 * np.sin(T) ** 2
+ON = (T % 2 < 1).astype(int)
+
+
+def rows(*columns: object, mark: str = ",") -> str:
+    return "".join(mark.join(str(field) for field in row) + "\n" for row in zip(*columns, strict=True))  # type: ignore[call-overload]
+
+
+def looked_at(folder: Path, text: str, name: str = "a.csv") -> Answer:
+    folder.mkdir(exist_ok=True)
+    (folder / name).write_text(text, encoding="utf-8")
+    return init.create(folder / "rig", [folder / name])
+
+
+def roles(answer: Answer) -> dict[str, str]:
+    return {one.signal: one.column for one in answer.columns if one.signal}
+
+
+def note(answer: Answer, signal: str) -> str:
+    return next(one.why for one in answer.columns if one.signal == signal)
+
+
+STAMPS = [f"11/21/2015,10:{n // 60:02d}:{n % 60:02d}" for n in range(600)]
+NAMED = {  # text, and what its columns are taken for
+    "serial numbers as names": (
+        "Date,Time,2050012,2044813,2051151\n" + rows(STAMPS, P + 99, P + 99.1, P + 99.2),
+        {"time": "Time", "p1": "2051151"},  # the others are it in other numbers
+    ),
+    "a vector beside a pressure": (
+        "t [s],p1 [bar],GyroX,GyroY,GyroZ\n" + rows(T, P, np.sin(T), np.cos(T), T % 1),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "a battery that empties in steps": (
+        "t [s],Pressure (Bar),Battery Level (%)\n" + rows(T, P, 100 - T // 1),
+        {"time": "t [s]", "p1": "Pressure (Bar)"},
+    ),
+    "a sensor's own volts": (
+        "t [s],Pressure (bar),Average Pressure Voltage (mV)\n" + rows(T, P, np.round(40 + P, 1)),
+        {"time": "t [s]", "p1": "Pressure (bar)"},
+    ),
+    "a quantity that steps in a unit of its own": (
+        "t [s],p1 [bar],Gs [kg/m2s]\n" + rows(T, P, 40 + ON),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "a speed of a motor": (
+        "t [s],p1 [bar],rpm\n" + rows(T, P, 1500 + T),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "absolute and relative readings of one sensor": (
+        "t [s],Pressure_Rel,Pressure_abs\n" + rows(T, P - 1, P),
+        {"time": "t [s]", "p1": "Pressure_Rel"},
+    ),
+    "loads over pairs of columns, apart by an empty one": (
+        "t [s],100 grams,,,200 grams,\n,Pressure (psi),disp (mm),,Pressure (psi),disp (mm)\n"
+        + rows(T, 15 * P, P, [""] * 600, 15 * P + 1, P),
+        {
+            "time": "t [s]",
+            "p1": "100 grams Pressure (psi)",
+            "p2": "200 grams Pressure (psi)",
+            "x": "100 grams disp (mm)",
+        },
+    ),
+    "runs whose command rises as a clock does": (
+        "mode,pwm,pressure [kPa],timestamp\n"
+        + rows(["fill"] * 300 + ["vent"] * 300, np.tile(np.arange(300) / 2, 2), P, 1769108526.2 + T),
+        {"time": "timestamp", "u": "pwm", "p1": "pressure [kPa]"},
+    ),
+}
+
+
+@pytest.mark.parametrize("way", NAMED)
+def test_columns_have_the_roles_that_their_names_and_numbers_tell(way: str, tmp_path: Path) -> None:
+    text, wanted = NAMED[way]
+    assert roles(looked_at(tmp_path, text)) == wanted
+
+
+def test_a_unit_that_a_comment_tells_in_words_is_read(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "# pressure in mmHg\n# t, pressure\n" + rows(T, 60 * P))
+    assert next(one.unit for one in answer.columns if one.signal == "p1").startswith("mmHg")
+
+
+def test_a_clock_that_starts_anew_without_a_header_is_told_before_it_is_refused(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],p1 [bar],u [V]\n" + 2 * rows(T, P, ON))
+    assert "row 601: the time goes back" in note(answer, "time")
+
+
+def test_a_clock_without_a_unit_tells_the_other_rate(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "Timestamp,p1 [bar],u [V]\n" + rows(1000 * np.arange(600) + 35, P, ON))
+    assert "(in ms 1 Hz)" in note(answer, "time")
+
+
+def test_a_files_name_tells_the_unit_of_pressures_that_have_none(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],measured_p,u [V]\n" + rows(T, 3 * P, ON), "sine_0-9psi.csv")
+    assert next(one.unit for one in answer.columns if one.signal == "p1") == "psi"
+    answer = looked_at(tmp_path / "supply", "t [s],measured_p,u [V]\n" + rows(T, 160 * P, ON), "run_6bar.csv")
+    assert next(one.unit for one in answer.columns if one.signal == "p1") == "kPa"
+
+
+def test_a_velocity_turns_where_x_does(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],pressure [bar],angle [deg],motor_speed\n" + rows(T, P, 30 * P, 200 * np.sin(T)))
+    assert next(one.unit for one in answer.columns if one.signal == "v") == "rad/s"
+
+
+def test_numbers_that_no_pressure_has_are_asked_for_their_unit(tmp_path: Path) -> None:
+    assert "signals.p1" in [one.key for one in looked_at(tmp_path, rows(5 * np.sin(T)), "a.txt").fill_in]
+
+
+ODD_STAMPS = {
+    "a day of the year": [f"2026-{123 + n // 400}T09:{n // 60 % 60:02d}:{n % 60:02d}" for n in range(600)],
+    "a day of the year as space agencies write it": [f"2026:123:09:{n // 60:02d}:{n % 60:02d}.0" for n in range(600)],
+    "days and a time": [f"{n // 400} 09:{n // 60 % 60:02d}:{n % 60:02d}" for n in range(600)],
+}
+
+
+@pytest.mark.parametrize("way", ODD_STAMPS)
+def test_stamps_count_days(way: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Time;p1 [bar]\n" + rows(ODD_STAMPS[way], P, mark=";"), encoding="utf-8")
+    (time, _) = survey_file(RawFile(tmp_path / "a.csv", {})).columns
+    wanted = np.arange(600.0) + 86_400.0 * (np.arange(600) >= 400) * ("space" not in way)
+    np.testing.assert_allclose(time.values - time.values[0], wanted)
+
+
+REFUSED = {
+    "a logger that grew a column": (
+        "t,p1,p2\n" + rows(T, P, P) + rows(T + 6, P, P, P),
+        r"line 602: the columns become 4 here",
+    ),
+    "a logger that grew a column later": (
+        "t,p1,p2\n" + 4 * rows(T, P, P) + rows(T + 6, P, P, P),
+        r"line 2402: from here on 4 columns in place of 3",
+    ),
+    "two lines of samples": (
+        ",".join(map(str, np.arange(2000) / 7)) + "\n" + ",".join(map(str, np.arange(2000) / 3)) + "\n",
+        "2000 columns, and a channel in each line",
+    ),
+    "a log of sentences": (
+        "".join(f"2026-03-24 11:2{n % 10}:0{n % 7} [INFO]:{' word' * (n // 4 % 5)}\n" for n in range(90)),
+        "no table of numbers",
+    ),
+}
+
+
+@pytest.mark.parametrize("way", REFUSED)
+def test_what_is_no_recording_is_refused_in_its_own_words(way: str, tmp_path: Path) -> None:
+    text, found = REFUSED[way]
+    with pytest.raises(InputError, match=found):
+        looked_at(tmp_path, text)
+
+
+def test_a_force_alone_is_told_to_need_a_motion(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],Force [lbs]\n" + rows(T, P))
+    assert "record p1 (and p2, p_supply), or x beside the force" in "".join(answer.cannot)
+
+
+def test_channels_of_twincat_may_share_a_column_of_stamps(tmp_path: Path) -> None:
+    """A scope of several sample times writes one column of stamps for each of them, and shorter rows below."""
+    head = "Name\tscope\n\nName\tfast\tName\tu\tp1\nSymbolComment\t\tSymbolComment\t\t\n"
+    head += "Data-Type\tREAL64\tData-Type\tREAL64\tREAL64\nSampleTime[ms]\t5\tSampleTime[ms]\t10\t10\n"
+    head += "SymbolName\tMAIN.fast\tSymbolName\tMAIN.u\tMAIN.p1\nUnit\tV\tUnit\tV\tbar\n\n"
+    slow = [f"\t{10 * n}\t{ON[n]}\t{P[n]:.4f}" for n in range(300)] + [""] * 300
+    body = "".join(f"{5 * n}\t{n % 7}{rest}\n" for n, rest in enumerate(slow))
+    (tmp_path / "a.csv").write_text(head + body, encoding="utf-8")
+    found = {one.name: one for one in survey_file(RawFile(tmp_path / "a.csv", {})).columns}
+    p1 = found["p1"].values
+    np.testing.assert_allclose(p1[np.isfinite(p1)][:100], np.round(P[:100], 4))
+    assert found["p1"].unit == "bar"
+
+
+def test_a_group_that_is_called_after_its_rate_has_a_clock(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["Data (100.000000 Hz)/p_tank [bar]"], file["Data (100.000000 Hz)/valve [V]"] = P, ON
+    answer = init.create(tmp_path / "rig", [tmp_path / "a.h5"])
+    assert 'time = { expression = "row / 100" }' in Path(answer.pipeline).read_text(encoding="utf-8")
