@@ -349,7 +349,8 @@ def test_cases_without_hidden_effect(case):
     held = (found.map.ci_low <= expected) & (expected <= found.map.ci_high)
     assert held.mean() >= 0.9
     assert found.residual_to_noise("train") == pytest.approx(1.0, abs=0.15)
-    assert found.lack_of_fit.p95 < 0.02
+    assert found.lack_of_fit.p95 < 0.03  # of cells, each known to some per cent
+    assert not found.lack_of_fit.is_significant
 
 
 def read_case(folder: Path):
