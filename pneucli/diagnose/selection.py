@@ -202,11 +202,12 @@ def _most_probable(data: DiagnosisData, candidates: Sequence[Candidate]) -> Cand
         return first
     ranked = [first, *(c for c in candidates if c is not first)]
     best = max((_among(candidates, c) for c in ranked), key=lambda term: judge(data, term).probability)
-    equivalents = [best.candidate, *best.equivalents(data, complete=False)]
-    if judge(data, best).decision.supported:  # none that would be refused in the end takes its place
-        equivalents = [c for c in equivalents if judge(data, Term(c, ())).decision.supported]
-    if len(equivalents) == 1:  # else it would ask for free runs
+    others = best.equivalents(data, complete=False)
+    if others and judge(data, best).decision.supported:  # none that would be refused in the end takes its place
+        others = [c for c in others if judge(data, Term(c, ())).decision.supported]
+    if not others:  # else it would ask for free runs
         return best.candidate
+    equivalents = [best.candidate, *others]
     top = max(equivalents, key=lambda c: log_odds_among_equivalents(data, c))
     return best_candidate([c for c in equivalents if not_inferior(c.full, top.full) and not_inferior(top.full, c.full)])
 

@@ -49,8 +49,9 @@ class Parameter:
         typical: Plausible values; a fit starts from each.
         title: Meaning in words.
         step: Smallest change with an effect on the residual, where the effect is not smooth in the parameter.
-        direct: Name under which the balance of forces gives a start of its own
-            (:func:`pneucli.identify.guesses.direct_friction.direct_friction`).
+        direct: Name under which the balance of forces or the flow into the chambers gives a start of its own
+            (:func:`pneucli.identify.guesses.direct_friction.direct_friction`,
+            :data:`pneucli.identify.guesses.late_valve.LATENESS`).
         refines: Whether it stays at ``unrefined`` until a fit shows that it differs or the pipeline file states it.
         unrefined: The value of a parameter that refines the effect and makes nothing vanish; None: its null.
         needs: Signals without which a parameter that refines the effect does not show.
