@@ -8,8 +8,6 @@ from pneucli.arrays import Array
 from pneucli.physics import gas
 from pneucli.physics.effects.stribeck import dry_rise
 
-_orifice_flows = np.vectorize(gas.orifice_flow, otypes=[np.float64])
-
 
 def flow_functions(r: Array, b: float) -> Array:
     """Return :func:`pneucli.physics.gas.flow_function` of an array.
@@ -52,8 +50,9 @@ def orifice_flows(p_from: Array, p_to: Array | float, b: float, k_from: float, k
     >>> orifice_flows(np.array([7e5, 1e5, np.nan]), 1e5, 0.528, k, k).round(1)
     array([1651.9,    0. ,    nan])
     """
-    with np.errstate(invalid="ignore"):
-        return np.asarray(_orifice_flows(p_from, p_to, b, k_from, k_to))
+    forward = np.asarray(p_from >= p_to)
+    upstream, downstream = np.where(forward, p_from, p_to), np.where(forward, p_to, p_from)
+    return np.asarray(upstream * np.where(forward, k_from, -k_to) * flow_functions(downstream / upstream, b))
 
 
 def stribeck_friction(v: Array, coulomb: float, viscous: float, static: float, velocity: float = np.inf) -> Array:

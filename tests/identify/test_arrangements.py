@@ -12,6 +12,7 @@ from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.null_command import drifting_recordings, with_identified_null
 from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
+from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_stops import with_end_stops
@@ -103,6 +104,23 @@ def test_recordings_without_a_null_command_in_common_are_named(moved: float, see
         takes[name] = replace(driven.recording, name=name)
     assert drifting_recordings(with_identified_null(list(takes.values()), replace(rig, null_free=True))) == seen
     assert drifting_recordings(replace(rig, valve_null=5.0)) is None
+
+
+@pytest.mark.parametrize("area", [2e-8, 0.0])
+def test_a_leak_does_not_move_the_null_to_where_the_valve_feeds_it(area: float):
+    """A valve that is shut within 0.3 V, and a leak of 2.5 % of its area: the flow alone changes sign beside it."""
+    rig = replace(RIG, valve_arrangement="5/3", valve_null=0.0)
+    edges = {"overlap_fill": 0.3, "overlap_vent": 0.3}
+    true = Model(
+        rig, (catalogue()["chamber-leak"],), FRICTION | {"chamber-leak.area": area}, replace(FIRST, **edges), SECOND
+    )
+    time = 1e-3 * np.arange(20_000)
+    driven = axis(rig, true, np.sin(2 * np.pi * 0.2 * time) + np.sin(2 * np.pi * 1.3 * time))
+    found = with_identified_null([driven.recording], replace(rig, null_free=True))
+    print(found.valve_null, found.null_range)
+    low, high = found.null_range
+    assert found.valve_null == pytest.approx(0.0, abs=0.05)
+    assert -0.5 < low < -0.2 < 0.2 < high < 0.5
 
 
 def test_a_gap_between_commands_is_the_range_of_the_null():
