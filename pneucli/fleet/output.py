@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 from pneucli.config import FleetConfig
-from pneucli.figure import to_json
+from pneucli.figure import to_answer, to_json
 from pneucli.fleet.dataset import Trend
 from pneucli.fleet.row_files import RowResult
 from pneucli.io.artifacts import write_text
@@ -172,7 +172,7 @@ def write_outputs(
     trends: Sequence[Trend],
 ) -> dict[str, Any]:
     """Write these files and the answer into the folder ``out``, each file atomically; return the answer as JSON."""
-    stated: dict[str, Any] = to_json(answer)
+    stated = to_answer(answer)
     texts = {
         PAGE: to_html(answer, results, trends),
         JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, stated))]),

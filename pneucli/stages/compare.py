@@ -37,7 +37,7 @@ from pneucli.config import recording_sources
 from pneucli.controller import layout
 from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
-from pneucli.figure import read, to_json
+from pneucli.figure import read, to_answer
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of
 from pneucli.messages.compare import Answer, ChannelResult, Commissioned, LackOfFit, ModelAnswer
@@ -106,7 +106,7 @@ def run(context: Context) -> dict[str, Any]:
         without_pressure=blind or None,
         closed_loop=[] if model is None else [log_answer(one, model) for one in looked.values()],
     )
-    answer: dict[str, Any] = to_json(found)
+    answer = to_answer(found)
     for channel in answer["channels"] if model else ():
         channel.setdefault("free_run", None)
     if model is None:  # rows of a steady bench have neither a restart nor a course

@@ -54,7 +54,7 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.io.artifacts import Tables, read_table, write_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import (
@@ -152,10 +152,7 @@ def run(context: Context) -> dict[str, Any]:
     rigs = None
     if (own := designed.on_ensemble) is not None:
         rigs = ensemble_answer(context, own, chosen, designed.data, setup)
-    answer: dict[str, Any] = to_json(
-        replace(_answer(study, designed, found), margins=margins, gate=held, ensemble=rigs)
-    )
-    return answer
+    return to_answer(replace(_answer(study, designed, found), margins=margins, gate=held, ensemble=rigs))
 
 
 def _require_controllers(designed: DesignResult, names: Sequence[str], context: Context) -> None:

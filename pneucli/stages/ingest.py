@@ -24,7 +24,7 @@ from pneucli.config import (
 )
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.figure import to_json
+from pneucli.figure import to_answer, to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
@@ -95,8 +95,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
-    answer: dict[str, Any] = to_json(_answer(context, done, absence_notes(config, recordings)))
-    return answer
+    return to_answer(_answer(context, done, absence_notes(config, recordings)))
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:

@@ -16,7 +16,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate
 from pneucli.physics.declaration import Effect
@@ -56,10 +56,7 @@ def run(context: Context) -> dict[str, Any]:
     runs = _open_loop_runs(study)
     _write(study, runs)
     open_loop = [OpenLoop(r.scenario, r.metrics()) for r in runs]
-    answer: dict[str, Any] = to_json(
-        with_closed_loop(study, Answer("pneucli/simulate/1", context.config.name, open_loop))
-    )
-    return answer
+    return to_answer(with_closed_loop(study, Answer("pneucli/simulate/1", context.config.name, open_loop)))
 
 
 def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
