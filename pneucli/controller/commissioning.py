@@ -6,8 +6,9 @@ and how far it overshoots tells a delay, which overshoots at full rate, from a l
 
 State chart (S_COMMISSIONING)::
 
-    0 as designed
+    0 as designed; limit cycles are watched for if there is a family of gains
       -> 1  commission
+      -> 5  a limit cycle at rest
     1 SHUT     the valves are shut for 0.3 s; then the limits count from here
       -> 2  all readings are there, with little noise
     2 RELAY 1  the relay fills and vents chamber 1 (a 5/3 spool: also chamber 2 the other way)
@@ -418,6 +419,7 @@ def watch_limit_cycle(s, c):
         s[S_SWING_EDGE] = s[S_X]
         s[S_SWING_PEAK] = s[S_X]
         s[S_SWING_COUNT] = 0.0
+        s[S_SWING_TIME] = 0.0
         return
     reach = s[S_SWING_PEAK] - s[S_SWING_EDGE]
     if (s[S_X] - s[S_SWING_PEAK]) * reach > 0.0 or reach == 0.0:
@@ -428,8 +430,26 @@ def watch_limit_cycle(s, c):
             back_off(s, c)
 
 
+def slower_member(s, c):
+    """Return the member, from 1 on, of the next longer delay; one more than there are if there is none.
+
+    Delays are the last members, the longer after the shorter. Gains for a delay hold a lag as well; those for a lag
+    lead the spool, and swing with a delay.
+    """
+    now: int = int(member_row(max(s[S_MEMBER], 1.0), c))
+    found = c[C_FAMILY_MEMBERS] + 1.0
+    least = 1e9
+    for i in range(int(c[C_FAMILY_MEMBERS])):
+        member = c[C_FAMILY_MEMBERS] - i
+        row: int = int(member_row(member, c))
+        if found - member < 1.5 and c[row] > c[now] and c[row] < least:
+            found = member
+            least = c[row]
+    return found
+
+
 def back_off(s, c):
-    """Go to the next member of the family where its delay is longer; without one, or where none can help, hold wide.
+    """Go to the member of the family for the next longer delay; without one, or where none can help, hold wide.
 
     A loop swings at about its corner or faster; at less than half of that the piston sticks between two jumps. As
     designed the gains are those of the first member.
@@ -439,13 +459,10 @@ def back_off(s, c):
         widen_dead_band(s[S_SWING_AMPLITUDE], s, c)
         return
     enter(6.0, s)
-    member = max(s[S_MEMBER], 1.0)
-    if member + 0.5 < c[C_FAMILY_MEMBERS]:
-        row: int = int(member_row(member, c))
-        following: int = int(member_row(member + 1.0, c))
-        if c[following] > c[row]:
-            set_member(member + 1.0, s, c)
-            enter(5.0, s)
+    slower = slower_member(s, c)
+    if slower < c[C_FAMILY_MEMBERS] + 0.5:
+        set_member(slower, s, c)
+        enter(5.0, s)
 
 
 def count_half_swing(s):
