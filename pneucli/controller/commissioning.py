@@ -405,27 +405,27 @@ def run_commissioning(x, p1, p2, s, c):
     return True
 
 
-def watch_limit_cycle(s, c):
-    """Watch for a limit cycle at a resting reference, commissioned or not; back off to the next member of the family.
+def watch_limit_cycle(x, s, c):
+    """Watch x (m), as read, for a limit cycle at a resting reference, commissioned or not; back off if there is one.
 
     Four half swings of more than twice the tolerance, all within a factor of two, are one: a load that comes and goes
     makes three, a loop with a damping of 0.1 loses half in three. Those of the first second at rest do not count, and
-    what moves a piston that was held for good has a new cause.
+    what moves a piston that was held for good has a new cause. The estimate may swing about a piston that stands.
     """
-    if c[C_FAMILY_MEMBERS] < 0.5:
+    if c[C_FAMILY_MEMBERS] < 0.5 or not is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
         return
     s[S_SWING_TIME] += c[C_PERIOD]
     if s[S_REF_REST_TIME] < 1.0 or is_held_for_good(s, c):
-        s[S_SWING_EDGE] = s[S_X]
-        s[S_SWING_PEAK] = s[S_X]
+        s[S_SWING_EDGE] = x
+        s[S_SWING_PEAK] = x
         s[S_SWING_COUNT] = 0.0
         s[S_SWING_TIME] = 0.0
         return
     reach = s[S_SWING_PEAK] - s[S_SWING_EDGE]
-    if (s[S_X] - s[S_SWING_PEAK]) * reach > 0.0 or reach == 0.0:
-        s[S_SWING_PEAK] = s[S_X]
-    if math.fabs(s[S_X] - s[S_SWING_PEAK]) > 4.0 * c[C_HOLDING_BAND]:
-        count_half_swing(s)
+    if (x - s[S_SWING_PEAK]) * reach > 0.0 or reach == 0.0:
+        s[S_SWING_PEAK] = x
+    if math.fabs(x - s[S_SWING_PEAK]) > 4.0 * c[C_HOLDING_BAND]:
+        count_half_swing(x, s)
         if s[S_SWING_COUNT] > 3.5:
             back_off(s, c)
 
@@ -465,8 +465,8 @@ def back_off(s, c):
         enter(5.0, s)
 
 
-def count_half_swing(s):
-    """Count a half swing that has ended, its period in s, and the length in m of the first of the count.
+def count_half_swing(x, s):
+    """Count a half swing that has ended at x (m), its period in s, and the length in m of the first of the count.
 
     One that is not within a factor of two of the first begins the count anew.
     """
@@ -479,4 +479,4 @@ def count_half_swing(s):
     s[S_SWING_PERIOD] = 2.0 * s[S_SWING_TIME]
     s[S_SWING_TIME] = 0.0
     s[S_SWING_EDGE] = s[S_SWING_PEAK]
-    s[S_SWING_PEAK] = s[S_X]
+    s[S_SWING_PEAK] = x

@@ -287,8 +287,7 @@ def watched(x: np.ndarray, members: tuple[float, ...] = (2e-3, 5e-3)) -> tuple[n
     c = np.concatenate([c, row])
     s = state(COMMISSIONING=4.0, REF_REST_TIME=2.0, MEMBER=1.0, SWING_EDGE=float(x[0]), SWING_PEAK=float(x[0]))
     for value in x:
-        s[at.S_X] = value
-        chart.watch_limit_cycle(s, c)
+        chart.watch_limit_cycle(value, s, c)
     return s, c
 
 
@@ -358,10 +357,10 @@ def test_what_moves_a_piston_that_was_held_for_good_is_no_part_of_a_swing_before
     """A ring, a long hold, then a load that is gone are no limit cycle."""
     s, c = watched(swing(0.9))
     before = s[at.S_SWING_COUNT]
-    chart.watch_limit_cycle(s, c)
+    chart.watch_limit_cycle(0.1, s, c)
     assert before == s[at.S_SWING_COUNT] > 0.0
     s[[at.S_HOLD, at.S_REST_TIME]] = 1.0, 1e3
-    chart.watch_limit_cycle(s, c)
+    chart.watch_limit_cycle(0.1, s, c)
     assert s[at.S_SWING_COUNT] == 0.0
 
 
