@@ -115,12 +115,14 @@ def _range(values: Array) -> float:
 
 
 def looks_set(values: Array) -> bool:
-    """Return whether numbers stay where they are for most steps, and go to few levels."""
+    """Return whether numbers stay where they are for most steps, and go to few levels; or are logged on change."""
     known = values[np.isfinite(values)]
     if known.size < 8 or not np.ptp(known):
         return False
-    still = float(np.mean(np.diff(known) == 0)) >= MIN_STILL_SHARE or known.size < MIN_STILL_SHARE * values.size
-    return still and np.unique(known).size <= max(3.0, MAX_LEVELS * known.size)
+    steps, levels, sparse = np.diff(known), np.unique(known).size, known.size < MIN_STILL_SHARE * values.size
+    if sparse and np.all(steps) and 2 * levels <= known.size:  # a slow reading comes back to few of its numbers
+        return True
+    return (sparse or float(np.mean(steps == 0)) >= MIN_STILL_SHARE) and levels <= max(3.0, MAX_LEVELS * known.size)
 
 
 def rivals(
@@ -167,7 +169,7 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     guesses = []
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
-        note = f"column {columns[twins[n]].key} in other numbers" if n in twins else note
+        note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
         asked = bool(signal) and not column.unit and bool(implausibility(signal, unit, column.finite_values))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses

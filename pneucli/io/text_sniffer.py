@@ -70,6 +70,10 @@ def sniff(raw: RawFile) -> SniffedLayout:
     """
     head = head_of(raw)
     lines, rewritings = head.lines[:MAX_LINES], rewritings_in(head.text)
+    keys = Counter(one[1] for one in map(_READING.fullmatch, lines) if one)
+    if 2 * sum(count for count in keys.values() if count > 1) > sum(map(bool, map(str.strip, lines))) and len(keys) > 1:
+        told, mend = f"a line for each reading: {', '.join([*keys][:4])}", "write those of one instant into one row"
+        raise InputError(str(raw.path), told, "a row for each sample", f"{mend}, with its time stamp", code="E041")
     marks = [raw.delimiter] if raw.delimiter else DELIMITERS
     tables = [_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks]
     found = max(tables, key=lambda one: (one.score, one.delimiter != " ", one.width))  # a blank also parts dates
@@ -85,8 +89,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
         told, mend = f"the columns become {found.width} here", f"cut the file there, or say --skip-rows {line - 1}"
         raise InputError(f"{raw.path}, line {line}", told, "as many columns as above", mend, code="E043")
     if not found.score:
+        told = f"no table of numbers, but {next(filter(str.strip, lines), '')[:60]!r}"
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
-        raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
+        raise InputError(str(raw.path), told, wanted, mend, code="E041")
     return found.describe(raw.header)
 
 
@@ -108,6 +113,7 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
     return numbers
 
 
+_READING = re.compile(r"\s*([^\W\d][\w ./-]*?)\s*[:=]\s*[-+]?[\d.]+\s*[^\s\d]{0,6}\s*")  # "Humidity: 44.4 %"
 MAX_PREAMBLE_LINES = 60
 _STATED_RATE = re.compile(
     r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)?[ _]?(?:rate|fre[qk]\w*|fs|intervall?|'
@@ -149,10 +155,10 @@ class _DelimitedTable:
 
     @property
     def lies_on_its_side(self) -> bool:
-        """Whether each line has the samples of one channel, named or more of them than a table has columns."""
+        """Whether each line has the samples of one channel: a name before them, or more of them than there are rows."""
         rows = [row for row in self._rows if row and len(row) == self.width]
         named = not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
-        told = named or self.width >= _MAX_COLUMNS
+        told = named or self.width >= _MAX_COLUMNS or len(rows) < MIN_TABLE_ROWS
         return bool(rows) and told and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
 
     @property

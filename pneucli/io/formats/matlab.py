@@ -121,6 +121,8 @@ def _expanded_bytes(whole: mmap.mmap, begin: int, end: int) -> int:
 
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
 _OBJECTS = ("opaque", "object", "function")
+_KINDS = dict.fromkeys("fiub", _NUMBERS[0])  # by numpy's letters
+ALL = range(1 << 20)  # variables
 SAVE_AS_STRUCT = (
     "save what it holds as vectors: s.t = ts.Time; s.p1 = ts.Data; save('run.mat', '-struct', 's') "
     "(of a timetable: s = table2struct(timetable2table(tt), 'ToScalar', true); of logsout: each getElement(k).Values)"
@@ -132,12 +134,7 @@ def open_mat(path: Path) -> ColumnReader:
 
     Raises InputError where the file holds nothing but objects of MATLAB, which only MATLAB reads.
     """
-    from scipy.io import whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
-
-    try:
-        variables = whosmat(path)
-    except TypeError:  # SciPy asks an object for its shape, which it has not read
-        variables = [("a table or series", (), "opaque")]
+    variables = _listed(path)
     owner: dict[str, str] = {}
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
@@ -166,6 +163,24 @@ def open_mat(path: Path) -> ColumnReader:
     return reader
 
 
+def _listed(path: Path) -> list[tuple[str, tuple[int, ...], str]]:
+    """Return name, shape and kind of each variable; of files with objects they are read, as SciPy cannot list them."""
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
+    try:
+        return [*whosmat(path)]
+    except TypeError:  # SciPy asks an object for its shape, which it has not read
+        check_expanded_size(path, expanded_size(path, ALL), of="the file")
+        check_types(path, ALL)
+    found: list[tuple[str, tuple[int, ...], str]] = []
+    for name, value in loadmat(path).items():
+        if name == "None":  # SciPy's name of the last object
+            found += [(str(one, "latin-1"), (), "opaque") for one in value["s0"]]
+        elif not name.startswith("__"):
+            found.append((name, value.shape, "struct" if value.dtype.names else _KINDS.get(value.dtype.kind, "char")))
+    return found
+
+
 def _check_objects(path: Path, objects: Sequence[str], owner: object) -> None:
     if objects and not owner:
         listed = ", ".join(f'"{name}"' for name in objects[:5])
@@ -176,7 +191,10 @@ def _check_objects(path: Path, objects: Sequence[str], owner: object) -> None:
 def _load(path: Path, variables: list[str]) -> StructColumns:
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
-    wanted = {k for k, (name, _, _) in enumerate(whosmat(path)) if name in variables}
+    try:
+        wanted: Collection[int] = {k for k, (name, _, _) in enumerate(whosmat(path)) if name in variables}
+    except TypeError:
+        wanted = ALL
     check_expanded_size(path, expanded_size(path, wanted), of=f'the variables "{", ".join(variables)[:60]}"')
     check_types(path, wanted)
     tree = loadmat(path, variable_names=variables, squeeze_me=True, struct_as_record=True)
