@@ -50,7 +50,8 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
             if not (counted and piston):  # a chamber's; of a vessel and of a valve's ports the first is the supply
                 why = "CHECK it hardly moves and stands at the top of the other pressures, as a supply does"
                 yield Evidence(n, "p_supply", SURE, why)
-    if not any("command" in names[n].nouns for n in free):
+    moved = any(names[n].kind in ("pressure", "position", "flow") for n in free)  # what a command may move
+    if moved and not any("command" in names[n].nouns for n in free):
         for n in free:
             letters = all(len(word) == 1 for word in names[n].noun_words)
             volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position

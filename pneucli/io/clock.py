@@ -455,8 +455,10 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
     first = next(batches, None)
     if first is None:
         return
-    clock = None if _shares_evenly(first["time"]) else EvenClock.of(first["time"])
-    if clock is None and _is_coarse(first["time"]):
+    coarse = _is_coarse(first["time"])
+    evenly = coarse and np.ptp(np.diff(_run_edges(first["time"]))[1:-1]) == 0  # as many rows share each stamp
+    clock = None if evenly else EvenClock.of(first["time"])
+    if clock is None and coarse:
         first, batches = joined([first, *batches]), iter(())
         first["time"], period = _spread(first["time"])
         rows = first["time"].size
@@ -478,11 +480,6 @@ def continuous_stamps(raw: Array) -> Array:
 def spread_stamps(time: Array) -> Array:
     """Return the stamps of a coarse clock spread evenly; the same array where the clock is not coarse."""
     return next(spread_repeated_stamps(iter([{"time": time}]), []))["time"]
-
-
-def _shares_evenly(time: Array) -> bool:
-    """Return whether equally many rows share each stamp but the first and the last."""
-    return _is_coarse(time) and bool(np.ptp(np.diff(_run_edges(time))[1:-1]) == 0)
 
 
 def _is_coarse(time: Array) -> bool:
