@@ -25,6 +25,7 @@ from pneucli.units import parse_unit, same_dimension
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands
 MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and shows no noise
+MAX_UNEVEN_ROWS = 2  # by which the rows between readings of an even clock of its own differ
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
 SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
 BY_ORDER = "the order of the columns decided"
@@ -121,7 +122,8 @@ def looks_set(values: Array) -> bool:
     if known.size < 8 or not np.ptp(known):
         return False
     steps, levels, sparse = np.diff(known), np.unique(known).size, known.size < MIN_STILL_SHARE * values.size
-    if sparse and np.all(steps) and 2 * levels <= known.size:  # a slow reading comes back to few of its numbers
+    apart = np.diff(np.flatnonzero(np.isfinite(values)))  # rows: those of a slow reading are as far apart
+    if sparse and np.all(steps) and levels < known.size and np.ptp(apart) > MAX_UNEVEN_ROWS:
         return True
     return (sparse or float(np.mean(steps == 0)) >= MIN_STILL_SHARE) and levels <= max(3.0, MAX_LEVELS * known.size)
 

@@ -227,7 +227,8 @@ def test_pressures_without_units_are_in_one(tmp_path: Path) -> None:
 
 
 def test_a_command_that_is_logged_on_change_is_one(tmp_path: Path) -> None:
-    level = [(3, 5, 7, 9)[n // 20 % 4] if n % 20 == 0 else "" for n in range(600)]
+    changed = {0: 3, 20: 5, 100: 7, 130: 3, 210: 9, 290: 4, 330: 6, 480: 5, 560: 8}
+    level = [changed.get(n, "") for n in range(600)]
     answer = looked_at(tmp_path, "t [s],XV-1 [V],p1 [bar]\n" + rows(T, level, P))
     assert roles(answer)["u"] == "XV-1 [V]"
 
