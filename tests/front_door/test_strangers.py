@@ -61,6 +61,10 @@ NAMED = {  # text, and what its columns are taken for
         "t [s],p1 [bar],Gs [kg/m2s]\n" + rows(T, P, 40 + ON),
         {"time": "t [s]", "p1": "p1 [bar]"},
     ),
+    "a lamp beside nothing that it may move": (
+        "t [s],LED,Signal\n" + rows(T, ON, P),
+        {"time": "t [s]"},
+    ),
     "a speed of a motor": (
         "t [s],p1 [bar],rpm\n" + rows(T, P, 1500 + T),
         {"time": "t [s]", "p1": "p1 [bar]"},
