@@ -272,9 +272,13 @@ def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> I
 
 
 def _require_usable(one: IngestedRecording) -> None:
-    """Refuse a recording that holds nothing that can be used; every row must be accounted for."""
+    """Refuse a recording that holds nothing that can be used; every row must be accounted for.
+
+    A row with the stamps of several clocks may be several samples.
+    """
     where, lost = str(one.source.path), sum(one.losses.values())
-    if one.rows != one.samples + lost:
+    several = any(signal.clock is not None for signal in one.source.signals.values())
+    if one.rows > one.samples + lost or (one.rows < one.samples + lost and not several):
         raise RuntimeError(f"{where}: {one.rows} rows were read, {one.samples} samples and {lost} losses are known")
     if one.samples < 2:
         kinds = ", ".join(f"{count} {LOSS_MESSAGES[kind]}" for kind, count in one.losses.items() if count)
@@ -303,7 +307,7 @@ def _answer(context: Context, done: list[IngestedRecording], absent: Sequence[st
         schema="pneucli/ingest/1",
         pipeline=context.config.name,
         recordings=[_recording_answer(one) for one in done],
-        left_out=[*(_dropped_rows_message(one) for one in done if one.rows != one.samples), *absent],
+        left_out=[*(_dropped_rows_message(one) for one in done if one.rows > one.samples), *absent],
         repairs=repairs,
         warnings=warnings,
         looks=looks,
