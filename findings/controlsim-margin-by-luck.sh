@@ -2,7 +2,7 @@
 # controlsim 0.1.0: a loop that is unstable has a phase margin without end, and a dead time of one period is none.
 #
 # A cylinder as an integrator with a mode of 20 rad/s and 5 ms of dead time. `gain_phase_margin` asks 10000 frequencies for one whose gain is within
-# 0.01 dB of 1. Past the mode the gain falls by more than twice that from one frequency to the next, so that for some gains there is
+# 0.01 dB of 1. Past the mode the gain falls by more than that from one frequency to the next, so that for some gains there is
 # none, and the phase margin is inf; by control 0.10.2 it is negative. The simulated dead time is one period shorter than it is said to
 # be, rounded up before. Both make a loop look better than it is. Nothing warns.
 set -eu

@@ -3,7 +3,7 @@
 #
 # A compressor draws air of 20 degC and 65 % at 1.013 bar, 9.5 g of water to a kilogram, and fills a vessel at 8 bar. Its pressure dew point,
 # at which water falls out in pipes and valves, is 49.4 degC. `GetTDewPointFromHumRatio` cuts it at the dry bulb that it is given besides,
-# so that air which must rain looks just saturated, and a dryer sized by it is dry at any temperature. The relative humidity of
+# so that air which must rain looks just saturated, and a dryer seems to suffice at any temperature. The relative humidity of
 # the same air is 5.1, without a word. Give a dry bulb above what is sought, as the air has behind the compressor.
 set -eu
 dir=$(mktemp -d)

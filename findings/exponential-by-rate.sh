@@ -4,7 +4,7 @@
 # a + b exp(c t) is found in one step, from sums of trapezoids under the readings, so that their error is in the result: it grows with the
 # square of the period over the time constant, and noise has no part in it. Least squares (`curve_fit` does so in Python,
 # ml-levenberg-marquardt here) finds 2 s from the same readings. A clock that begins at 1000 s gives NaN for a and b beside the same
-# time constant. Nothing warns. Ten readings to a time constant keep the error at 0.4 parts in 1000.
+# time constant. Nothing warns. Ten readings to a time constant keep the error at 1 part in 1000.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT

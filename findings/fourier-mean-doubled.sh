@@ -2,7 +2,7 @@
 # fourier-transform 2.5.0 (npm): a pressure of 6 bar that swings by 1 bar has a mean of 12 bar in its spectrum.
 #
 # The magnitudes are those of a spectrum with one side: each bin is twice its share, so that a swing of 1 bar is 1. The first bin, the mean,
-# has no other side, and is doubled with the rest; 12 bar less one's offset of 6 leaves 6 of nothing. The highest frequency, half the rate,
+# has no other side, and is doubled with the rest. The highest frequency, half the rate,
 # is left out. fft.js 4.0.4, scaled by hand, is beside it. Halve the first bin.
 set -eu
 dir=$(mktemp -d)

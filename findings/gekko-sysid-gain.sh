@@ -1,7 +1,7 @@
 #!/bin/sh
 # GEKKO 1.3.3: the gain K that `sysid` hands over is 3.03 for a plant of gain 2.5 and for one of gain 25; its delay starts at 0.
 #
-# y(k) = 0.8 y(k-1) + 0.5 u(k-1), by noise without error, in two units. `sysid` finds both coefficients exactly, and hands over beside
+# y(k) = 0.8 y(k-1) + 0.5 u(k-1), driven by noise and read exactly, in two units. `sysid` finds both coefficients exactly, and hands over beside
 # them K, "gain matrix", which is the gain of the data scaled to between zero and one: the true one times the range of u over that of y.
 # With `scale=False` K is the gain. And `delay(u, y, 3)` of a command that rests at 5 V begins with three samples of 0 V, a
 # step that nobody made. Nothing warns. Compute b / (1 - a).

@@ -1,9 +1,9 @@
 #!/bin/sh
 # interpolatepy 3.3.2: 300 mm take longer than 310 mm, the position steps back on its way, and a move of 20 mm ends at 40 mm.
 #
-# Limits of 1 m/s, 5 m/s2 and 50 m/s3. Where the speed is reached, `DoubleSTrajectory` is right. Where it is not, it takes the acceleration down
-# until one fits, and stops at half of what is allowed, with parts that do not meet: in the midst the position steps back against
-# the velocity that is handed out beside it. A move of 20 mm that begins at 0.9 m/s cannot stop in time; it comes back at a
+# Limits of 1 m/s, 5 m/s2 and 50 m/s3. Where the speed is reached, `DoubleSTrajectory` is right. Where it is not, it uses half of
+# the acceleration that is allowed, and its parts do not meet: in the midst the position steps back against
+# the velocity that is handed out beside it. A move of 20 mm that begins at 0.9 m/s cannot stop in time; it goes on at a
 # constant 0.9 m/s and ends at 40 mm. Nothing raises or warns. As a reference it makes a controller look at fault.
 set -eu
 dir=$(mktemp -d)

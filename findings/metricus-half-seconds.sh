@@ -3,7 +3,7 @@
 #
 # Each pair of units has a factor of its own. Times, and they alone, come in halves of a unit unless `rounded_result=False` is
 # stated. Kilograms-force become kilonewtons by 0.001 in place of 0.0098; the way back is right, so that 100 kgf come back as
-# 10.2. Newtons become poundals by the factor of slug-feet, pounds-force dynes by one that is ten times too small. A stone is
+# 10.2. Newtons become poundals by 0.0074 in place of 7.23, pounds-force dynes by one that is ten times too small. A stone is
 # 6.35 kg. Nothing raises; the pressures are right.
 set -eu
 dir=$(mktemp -d)

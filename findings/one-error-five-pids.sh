@@ -1,5 +1,5 @@
 #!/bin/sh
-# pidcon 0.1.0, pid-controller 0.2.0, simplepidcontroller 1.0.0: the integral of 1 over 1 s is 5500 or -0.1; a slope of 1 counts 0.001, -1 or 0.2.
+# pidcon 0.1.0, pid-controller 0.2.0, simplepidcontroller 1.0.0: the integral of 1 over 1 s is 5500 or -0.1; a derivative of 1 is 0.001 or 0.2.
 #
 # One error, five controllers, at 10 Hz and 100 Hz. py-pidx 1.1.1 and classic-controlling 0.2.0 say 1 for the integral, and 6 for half an error of
 # 10 that grew by 10 a second with a derivative gain of 0.1. pidcon counts milliseconds since it was made at each call, so that its integral grows

@@ -2,8 +2,8 @@
 # processpi 0.2.1: one litre an hour and another are 0.0 L/h, an orifice of 0.5 mm2 has no area, 1 L/min is 2 % more than itself.
 #
 # Quantities are kept in SI units with six decimals, whatever their size. A flow, an area or a diameter of pneumatics is small in them: what
-# is below half a millionth is 0, and a flow of litres a minute has two digits. Conversions, sums and comparisons all go through it. Pressures
-# and temperatures are large enough to be right. Nothing warns, and no option changes it. Reckon in plain numbers.
+# is below half a millionth is 0, and a flow of litres a minute has two digits. Conversions and sums go through it. Pressures
+# and temperatures are large enough to be right. Nothing warns. Reckon in plain numbers.
 set -eu
 dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
