@@ -6,7 +6,7 @@ import difflib
 import errno
 import os
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 
@@ -61,24 +61,25 @@ def did_you_mean(word: str, choices: Iterable[str], listed: str = "known") -> st
     return f'did you mean "{close[0]}"?' if close else f"{listed}: {', '.join(choices[:MAX_LISTED])}{more}"
 
 
-_INVISIBLE_CATEGORIES = {
-    "Cc",
-    "Cn",
-    "Cs",
-    "Zl",
-    "Zp",
-}  # control, no character, half of a pair (a byte that is no UTF-8), line ends
-_DIRECTION_CHANGES = {
-    "LRE",
-    "RLE",
-    "LRO",
-    "RLO",
-    "PDF",
-    "LRI",
-    "RLI",
-    "FSI",
-    "PDI",
-}  # what follows is shown in another order
+def require_known(
+    names: Iterable[str], known: Collection[str], where: str, found: str = '"{}"', wanted: str = "", *, code: str
+) -> None:
+    """Raise InputError for the first name that is not among the known ones; ``found`` says it, with the name at ``{}``.
+
+    >>> require_known(["stribek"], ["stribeck"], "--exclude", 'no effect "{}"', code="E030")
+    Traceback (most recent call last):
+    pneucli.errors.InputError: --exclude: no effect "stribek" [E030]
+      mend: did you mean "stribeck"?
+    """
+    for name in names:
+        if name not in known:
+            raise InputError(where, found.replace("{}", name), wanted, did_you_mean(name, known), code=code)
+
+
+# control, no character, half of a pair (a byte that is no UTF-8), line ends
+_INVISIBLE_CATEGORIES = {"Cc", "Cn", "Cs", "Zl", "Zp"}
+# what follows is shown in another order
+_DIRECTION_CHANGES = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 
 def printable(text: str, keep: str = "") -> str:

@@ -98,6 +98,11 @@ def to_json(one: Any) -> Any:
     return None if isinstance(one, float) and not math.isfinite(one) else one
 
 
+def to_answer(one: object) -> dict[str, Any]:
+    """Return a whole answer as JSON has it."""
+    return dict(to_json(one))
+
+
 def _entries(one: Field[Any], value: Any) -> Iterator[tuple[str, Any]]:
     if _FLAT in one.metadata and isinstance(value, Figure):
         yield from ((key, value.answer[entry]) for key, entry in one.metadata[_FLAT].items())

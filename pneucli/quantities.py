@@ -16,7 +16,7 @@ Z95 = 1.959963984540054  # standard normal quantile of 0.975: half of a 95 % int
 
 @dataclass(frozen=True)
 class Quantity:
-    """One signal: its name in files and code, symbol, SI unit, unit for display, title, and resolution in SI.
+    """One signal: its name in files and code, symbol, SI unit, title, and resolution in SI.
 
     ``resolution`` is finer than any sensor of a rig: a smaller value is shown as 0.
     """
@@ -24,26 +24,25 @@ class Quantity:
     name: str
     symbol: str
     unit: str
-    display_unit: str
     title: str
     resolution: float
 
 
 _ALL = (
-    Quantity("time", "t", "s", "s", "time", 1e-9),
-    Quantity("u", "u", "V", "V", "valve command", 1e-6),
-    Quantity("u2", "u2", "V", "V", "command of the second valve", 1e-6),
-    Quantity("p_supply", "p_S", "Pa", "bar", "supply pressure", 1e-2),
-    Quantity("p1", "p1", "Pa", "bar", "pressure of chamber 1", 1e-2),
-    Quantity("p2", "p2", "Pa", "bar", "pressure of chamber 2", 1e-2),
-    Quantity("x", "x", "m", "mm", "piston position", 1e-9),
-    Quantity("v", "v", "m/s", "mm/s", "piston velocity", 1e-9),
-    Quantity("a", "a", "m/s^2", "m/s^2", "piston acceleration", 1e-6),
-    Quantity("force", "F", "N", "N", "driving force", 1e-6),
-    Quantity("temperature", "T", "K", "K", "gas temperature", 1e-6),
-    Quantity("flow", "q", "kg/s", "g/s", "flow through the valve", 1e-12),
-    Quantity("x_ref", "x_ref", "m", "mm", "position reference", 1e-9),
-    Quantity("p_ref", "p_ref", "Pa", "bar", "pressure reference", 1e-2),
+    Quantity("time", "t", "s", "time", 1e-9),
+    Quantity("u", "u", "V", "valve command", 1e-6),
+    Quantity("u2", "u2", "V", "command of the second valve", 1e-6),
+    Quantity("p_supply", "p_S", "Pa", "supply pressure", 1e-2),
+    Quantity("p1", "p1", "Pa", "pressure of chamber 1", 1e-2),
+    Quantity("p2", "p2", "Pa", "pressure of chamber 2", 1e-2),
+    Quantity("x", "x", "m", "piston position", 1e-9),
+    Quantity("v", "v", "m/s", "piston velocity", 1e-9),
+    Quantity("a", "a", "m/s^2", "piston acceleration", 1e-6),
+    Quantity("force", "F", "N", "driving force", 1e-6),
+    Quantity("temperature", "T", "K", "gas temperature", 1e-6),
+    Quantity("flow", "q", "kg/s", "flow through the valve", 1e-12),
+    Quantity("x_ref", "x_ref", "m", "position reference", 1e-9),
+    Quantity("p_ref", "p_ref", "Pa", "pressure reference", 1e-2),
 )
 
 SIGNALS: dict[str, Quantity] = {q.name: q for q in _ALL}
@@ -71,7 +70,6 @@ ROTARY_UNITS = {
     "N s/m": "N m s/rad",
     "kg": "kg m^2",
 }
-_DISPLAY_UNITS = {"rad": "deg", "rad/s": "deg/s"}
 PISTON_AREA_UNITS = ("m^2", "m^3/rad")  # of linear and rotary axes
 
 _rotary: ContextVar[bool] = ContextVar("rotary", default=False)
@@ -90,13 +88,6 @@ def axis_motion(*, rotary: bool) -> Iterator[None]:
 def axis_unit(unit: str) -> str:
     """Return an SI unit as it is on the current axis."""
     return ROTARY_UNITS.get(unit, unit) if _rotary.get() else unit
-
-
-def display_unit(signal: str, unit: str | None = None) -> str:
-    """Return the unit in which a signal is displayed whose SI unit is ``unit`` (default: that of the current axis)."""
-    own = SIGNALS[signal]
-    unit = axis_unit(own.unit) if unit is None else unit
-    return own.display_unit if unit == own.unit else _DISPLAY_UNITS.get(unit, unit)
 
 
 def in_axis_units(answer: object, name: str = "") -> object:

@@ -265,10 +265,21 @@ NAMES = {
         "newtonmeter": "Nm",
         "bar": "bar",
     },
-    **{"sekunde": "s", "millimeter": "mm", "micron": "um", "vdc": "V", "秒": "s", "毫秒": "ms"},
+    **dict.fromkeys(("sekunde", "sekunden", "segundo", "secondo", "secondi", "seconde", "sekund"), "s"),
+    **{"millimeter": "mm", "micron": "um", "vdc": "V", "秒": "s", "毫秒": "ms"},
 }
 _PREFIX_NAMES = {
-    **{"nano": "n", "micro": "u", "milli": "m", "centi": "c", "deci": "d", "hecto": "h", "kilo": "k", "mega": "M"},
+    **{
+        "nano": "n",
+        "micro": "u",
+        "milli": "m",
+        "mili": "m",
+        "centi": "c",
+        "deci": "d",
+        "hecto": "h",
+        "kilo": "k",
+        "mega": "M",
+    },
 }
 _COUNTS = re.compile(
     r"(?i)\s*(?:encoder|adc|raw|hex(?:adecimal)?)?[\s_]*"

@@ -1,16 +1,14 @@
 """Every benchmark runs to its end in its small mode; what it then prints is no measurement."""
 
-import ast
 import importlib
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
 from benchmarks import loop, robust
-from benchmarks.cost import IMPORTS, KERNELS, PHASES, REST, Sampler
+from benchmarks.cost import IMPORTS, PHASES
 
 ROOT = Path(__file__).parents[1]
 SHARED = {"cases", "door_pages", "rigs"}
@@ -52,38 +50,6 @@ def test_each_phase_is_a_function_of_the_program() -> None:
     files = {path.as_posix(): path.read_text(encoding="utf-8") for path in (ROOT / "pneucli").rglob("*.py")}
     for file, name in places:
         assert any(path.endswith(f"/{file}") and f"def {name}(" in text for path, text in files.items()), (file, name)
-
-
-def calls_equations(node: ast.AST) -> bool:
-    """Whether this is a call of a kernel, or of one of its functions."""
-    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
-        return False
-    where = ast.unparse(node.func.value)
-    return where.endswith(".functions") or (where == "kernel" and node.func.attr in ("run", "run_duals"))
-
-
-def test_whatever_calls_compiled_equations_in_fits_and_comparisons_is_counted() -> None:
-    package = ROOT / "pneucli"
-    found = {
-        (f"{path.parent.name}/{path.name}", function.name)
-        for folder in ("simulate", "identify/residuals", "diagnose", "compare")
-        for path in (package / folder).rglob("*.py")
-        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(function, ast.FunctionDef) and any(calls_equations(node) for node in ast.walk(function))
-    }
-    assert found == KERNELS
-
-
-def test_a_process_is_sampled_in_the_phase_of_its_innermost_function() -> None:
-    sampler, named = Sampler(), {}
-    source = "def signatures_of(then): then()\ndef fit_with_effect(then): then()\ndef other(then): then()"
-    for file in ("diagnose/data.py", "estimation/model_fit.py"):
-        exec(compile(source, f"/somewhere/{file}", "exec"), named.setdefault(file, {}))
-    screen, refit = named["diagnose/data.py"]["signatures_of"], named["estimation/model_fit.py"]["fit_with_effect"]
-    take = lambda: sampler._sample(0, sys._getframe())  # noqa: E731
-    for outer in (take, lambda: screen(take), lambda: screen(lambda: refit(take))):
-        outer()
-    assert set(sampler.seconds) == {REST, "screen", "refits"}
 
 
 def test_the_page_of_benchmarks_lists_each_of_them() -> None:

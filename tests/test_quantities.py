@@ -14,10 +14,10 @@ from pneucli.figure import Figure, flat, laid_out, optional, read, to_json
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table
 from pneucli.messages.diagnose import discrepancy_kind_text
-from pneucli.messages.formatting import format_quantity
+from pneucli.messages.formatting import format_quantity, unit_symbol
 from pneucli.physics.effects import catalogue
 from pneucli.physics.ports import PORTS
-from pneucli.quantities import axis_motion, axis_unit, display_unit, in_axis_units
+from pneucli.quantities import axis_motion, axis_unit, in_axis_units
 
 ANSWER = {
     "parameters": {
@@ -53,9 +53,8 @@ def test_angles_are_displayed_in_degrees(tmp_path: Path) -> None:
     with axis_motion(rotary=True):
         assert format_quantity(0.5, "m", 3) == "28.6 deg"
         assert format_quantity(1.0, "N") == "1.000 N·m"
-        assert (display_unit("x"), display_unit("p1")) == ("deg", "bar")
-    assert display_unit("x") == "mm"
-    assert display_unit("x", "rad") == "deg"
+        assert (unit_symbol("m"), unit_symbol("Pa")) == ("deg", "bar")
+    assert (unit_symbol("m"), unit_symbol("rad")) == ("mm", "deg")
 
 
 @pytest.mark.parametrize(("variable", "text"), [("x", "1.5 deg"), ("v", "1.5 deg/s"), ("time", "0.0261 s")])

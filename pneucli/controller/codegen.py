@@ -106,7 +106,7 @@ def operate(which: int, x_ref, x, p1, p2, supply, duty, level, s, c):
     elif not run_commissioning(x, p1, p2, s, c):
         step_law(which, active_reference(x_ref, x, p1, p2, s, c), x, p1, p2, s, c)
         finish_commands(s, c)
-        watch_limit_cycle(s, c)
+        watch_limit_cycle(x, s, c)
 
 
 def control(k, x_ref, x, p1, p2, cs, cp):

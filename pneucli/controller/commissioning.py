@@ -6,8 +6,9 @@ and how far it overshoots tells a delay, which overshoots at full rate, from a l
 
 State chart (S_COMMISSIONING)::
 
-    0 as designed
+    0 as designed; limit cycles are watched for if there is a family of gains
       -> 1  commission
+      -> 5  a limit cycle at rest
     1 SHUT     the valves are shut for 0.3 s; then the limits count from here
       -> 2  all readings are there, with little noise
     2 RELAY 1  the relay fills and vents chamber 1 (a 5/3 spool: also chamber 2 the other way)
@@ -37,7 +38,14 @@ from __future__ import annotations
 import math
 
 from pneucli.controller.layout import *
-from pneucli.controller.plant import clamp, drive_mirrored_valve, is_plausible, valve_command, valve_command_2
+from pneucli.controller.plant import (
+    clamp,
+    drive_mirrored_valve,
+    is_held_for_good,
+    is_plausible,
+    valve_command,
+    valve_command_2,
+)
 from pneucli.controller.standstill import widen_dead_band
 from pneucli.controller.valve_dynamics import (
     chamber_volume_1,
@@ -397,53 +405,78 @@ def run_commissioning(x, p1, p2, s, c):
     return True
 
 
-def watch_limit_cycle(s, c):
-    """Watch for a limit cycle at a resting reference after a commissioning; back off to the next member of the family.
+def watch_limit_cycle(x, s, c):
+    """Watch x (m), as read, for a limit cycle at a resting reference, commissioned or not; back off if there is one.
 
-    Four half swings of more than twice the tolerance, none below half of the one before, are one: a load that comes
-    and goes makes three, a loop with a damping of 0.2 halves each. Those of the first second at rest do not count.
+    Four half swings of more than twice the tolerance, all within a factor of two, are one: a load that comes and goes
+    makes three, a loop with a damping of 0.1 loses half in three. Those of the first second at rest do not count, and
+    what moves a piston that was held for good has a new cause. The estimate may swing about a piston that stands.
     """
-    if s[S_COMMISSIONING] < 3.5:
+    if c[C_FAMILY_MEMBERS] < 0.5 or not is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
         return
     s[S_SWING_TIME] += c[C_PERIOD]
-    if s[S_REF_REST_TIME] < 1.0:
-        s[S_SWING_EDGE] = s[S_X]
-        s[S_SWING_PEAK] = s[S_X]
+    if s[S_REF_REST_TIME] < 1.0 or is_held_for_good(s, c):
+        s[S_SWING_EDGE] = x
+        s[S_SWING_PEAK] = x
         s[S_SWING_COUNT] = 0.0
+        s[S_SWING_TIME] = 0.0
         return
     reach = s[S_SWING_PEAK] - s[S_SWING_EDGE]
-    if (s[S_X] - s[S_SWING_PEAK]) * reach > 0.0 or reach == 0.0:
-        s[S_SWING_PEAK] = s[S_X]
-    if math.fabs(s[S_X] - s[S_SWING_PEAK]) > 4.0 * c[C_HOLDING_BAND]:
-        count_half_swing(s)
+    if (x - s[S_SWING_PEAK]) * reach > 0.0 or reach == 0.0:
+        s[S_SWING_PEAK] = x
+    if math.fabs(x - s[S_SWING_PEAK]) > 4.0 * c[C_HOLDING_BAND]:
+        count_half_swing(x, s)
         if s[S_SWING_COUNT] > 3.5:
             back_off(s, c)
 
 
-def back_off(s, c):
-    """Go to the next member of the family where its delay is longer; without one, or where none can help, hold wide.
+def slower_member(s, c):
+    """Return the member, from 1 on, of the next longer delay; one more than there are if there is none.
 
-    A loop swings at about its corner or faster; at less than half of that the piston sticks between two jumps.
+    Delays are the last members, the longer after the shorter. Gains for a delay hold a lag as well; those for a lag
+    lead the spool, and swing with a delay.
+    """
+    now: int = int(member_row(max(s[S_MEMBER], 1.0), c))
+    found = c[C_FAMILY_MEMBERS] + 1.0
+    least = 1e9
+    for i in range(int(c[C_FAMILY_MEMBERS])):
+        member = c[C_FAMILY_MEMBERS] - i
+        row: int = int(member_row(member, c))
+        if found - member < 1.5 and c[row] > c[now] and c[row] < least:
+            found = member
+            least = c[row]
+    return found
+
+
+def back_off(s, c):
+    """Go to the member of the family for the next longer delay; without one, or where none can help, hold wide.
+
+    A loop swings at about its corner or faster; at less than half of that the piston sticks between two jumps. As
+    designed the gains are those of the first member.
     """
     s[S_SWING_COUNT] = 0.0
     if s[S_COMMISSIONING] > 5.5 or s[S_SWING_PERIOD] * c[C_SECTOR_1] > 12.6:  # 4 pi
         widen_dead_band(s[S_SWING_AMPLITUDE], s, c)
         return
     enter(6.0, s)
-    if s[S_MEMBER] > 0.5 and s[S_MEMBER] + 0.5 < c[C_FAMILY_MEMBERS]:
-        row: int = int(member_row(s[S_MEMBER], c))
-        following: int = int(member_row(s[S_MEMBER] + 1.0, c))
-        if c[following] > c[row]:
-            set_member(s[S_MEMBER] + 1.0, s, c)
-            enter(5.0, s)
+    slower = slower_member(s, c)
+    if slower < c[C_FAMILY_MEMBERS] + 0.5:
+        set_member(slower, s, c)
+        enter(5.0, s)
 
 
-def count_half_swing(s):
-    """Count a half swing that has ended, its length in m and its period in s; one that decays begins the count anew."""
+def count_half_swing(x, s):
+    """Count a half swing that has ended at x (m), its period in s, and the length in m of the first of the count.
+
+    One that is not within a factor of two of the first begins the count anew.
+    """
     length = math.fabs(s[S_SWING_PEAK] - s[S_SWING_EDGE])
-    s[S_SWING_COUNT] = s[S_SWING_COUNT] + 1.0 if length > 0.5 * s[S_SWING_AMPLITUDE] else 1.0
-    s[S_SWING_AMPLITUDE] = length
+    if s[S_SWING_COUNT] > 0.5 and length > 0.5 * s[S_SWING_AMPLITUDE] and length < 2.0 * s[S_SWING_AMPLITUDE]:
+        s[S_SWING_COUNT] += 1.0
+    else:
+        s[S_SWING_COUNT] = 1.0
+        s[S_SWING_AMPLITUDE] = length
     s[S_SWING_PERIOD] = 2.0 * s[S_SWING_TIME]
     s[S_SWING_TIME] = 0.0
     s[S_SWING_EDGE] = s[S_SWING_PEAK]
-    s[S_SWING_PEAK] = s[S_X]
+    s[S_SWING_PEAK] = x

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.exam.conditions import USUAL, WIDE, Conditions, draw_conditions, parse
 from pneucli.exam.hidden_effects import (
     ALL_BY_NAME,
@@ -302,14 +302,7 @@ def _small_effects(kind: str, outside: str, conditions: Conditions, rng: np.rand
 
 
 def _effect(name: str, kind: str) -> HiddenEffect:
-    if name not in ALL_BY_NAME:
-        raise InputError(
-            "exam",
-            f'no effect "{name}"',
-            "an effect that the rig can hide",
-            did_you_mean(name, ALL_BY_NAME),
-            code="E031",
-        )
+    require_known([name], ALL_BY_NAME, "exam", 'no effect "{}"', "an effect that the rig can hide", code="E031")
     if kind not in ALL_BY_NAME[name].kinds:
         raise InputError(
             "exam", f'"{name}" does not show on the rig "{kind}"', " or ".join(ALL_BY_NAME[name].kinds), code="E031"

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-
 from pneucli.config import FleetConfig
-from pneucli.figure import to_json
+from pneucli.figure import to_answer, to_json
 from pneucli.fleet.dataset import Trend
 from pneucli.fleet.row_files import RowResult
 from pneucli.io.artifacts import write_text
 from pneucli.messages.changes import Change
 from pneucli.messages.fleet import Answer
 from pneucli.pipeline.checks import CheckResult, evaluate
+from pneucli.report.page import as_data, render_template
 from pneucli.report.report_data import Check
 from pneucli.report.summaries import to_junit
 
-_ASSETS = files("pneucli.fleet") / "assets"
 MAX_TREND_BYTES = 2_000_000  # of the trends: those of the first rigs of the list, as far as they fit
 MAX_TREND_POINTS = 40  # of one trend: the last dates
 MAX_FAILURE_CHARACTERS = 240
@@ -37,28 +31,8 @@ PAGE, JUNIT, METRICS, ANSWER = "report.html", "junit.xml", "metrics.txt", "fleet
 
 def to_html(answer: Answer, results: Sequence[RowResult], trends: Sequence[Trend]) -> str:
     """Return the page: changed rigs, missing effects over the fleet, trends, failures by cause."""
-    environment = Environment(
-        loader=PackageLoader("pneucli.fleet", "assets"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    script = _asset("fleet.js")
-    data = json.dumps(page_data(answer, results, trends), separators=(",", ":"), allow_nan=False)
-    return environment.get_template("fleet.html.j2").render(
-        answer=answer,
-        style=_asset("fleet.css"),
-        script=script,
-        policy=_policy(script),
-        data=Markup(data.replace("<", "\\u003c")),
-    )
-
-
-def _asset(name: str) -> Markup:
-    return Markup((_ASSETS / name).read_text(encoding="utf-8"))
-
-
-def _policy(script: str) -> str:
-    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    own = f"img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'"
-    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
+    content = {"answer": answer, "data": as_data(page_data(answer, results, trends))}
+    return render_template("pneucli.fleet", "fleet.html.j2", ("fleet.css",), ("fleet.js",), content)
 
 
 def page_data(answer: Answer, results: Sequence[RowResult], trends: Sequence[Trend]) -> dict[str, Any]:
@@ -198,7 +172,7 @@ def write_outputs(
     trends: Sequence[Trend],
 ) -> dict[str, Any]:
     """Write these files and the answer into the folder ``out``, each file atomically; return the answer as JSON."""
-    stated: dict[str, Any] = to_json(answer)
+    stated = to_answer(answer)
     texts = {
         PAGE: to_html(answer, results, trends),
         JUNIT: to_junit(config.fleet.name, [*map(_of_row, results), *map(_of_check, evaluate_checks(config, stated))]),

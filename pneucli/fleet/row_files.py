@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomlkit
 
-from pneucli.errors import InputError, did_you_mean, environment_error, printable
+from pneucli.errors import InputError, did_you_mean, environment_error, printable, require_known
 from pneucli.figure import Figure, named, read, to_json
 from pneucli.io.remote_files import is_remote
 from pneucli.io.result_store import Store
@@ -52,11 +52,7 @@ def read_rows(path: Path) -> list[FleetRow]:
     Raises InputError where the table as a whole cannot be read or has no column ``rig`` or ``date``.
     """
     columns, records = _parquet(path) if path.suffix == ".parquet" else _csv(path)
-    for name in (RIG, DATE):
-        if name not in columns:
-            raise InputError(
-                str(path), f"no column {name}", f"{RIG}, {DATE}, and keys", did_you_mean(name, columns), code="E081"
-            )
+    require_known((RIG, DATE), columns, str(path), "no column {}", f"{RIG}, {DATE}, and keys", code="E081")
     if twice := [name for name in columns if columns.count(name) > 1]:
         raise InputError(
             str(path), f"two columns are called {twice[0]}", "each key once", "remove one of them", code="E081"

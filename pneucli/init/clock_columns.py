@@ -362,10 +362,9 @@ def _second_clock_votes(column: Column, columns: Sequence[Column]) -> Iterator[V
     for other in columns:
         if other is column or other.values.size != own.size or not is_increasing(other.finite_values):
             continue
-        both = np.isfinite(own) & np.isfinite(other.values)
-        a, b = own[both], other.values[both]
-        if a.size < 3 or not np.ptp(a) or abs(np.corrcoef(a - a[0], b - b[0])[0, 1]) < 0.9999:
+        if not _tells_same(column, other):
             continue
+        a, b = column.finite_values, other.finite_values
         known = [other.unit] if other.unit and same_dimension(other.unit, "s") else _of_clock(other)
         for unit in known:
             factor = parse_unit(unit).factor * float(np.ptp(b) / np.ptp(a))

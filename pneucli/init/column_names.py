@@ -40,7 +40,7 @@ NOUNS: dict[str, str] = {
     "position": "x q y s qm qg pos position- -position travel weg- -weg hub -hub stroke displacement- laser "
     "lvdt encoder angle -winkel winkel- theta phi deplacement course posicion desplazamiento "
     "spostamento verplaatsing lage -lage asema polozenie poloha helyzet konum posicao pozitie "
-    "positie положен- перемещ- -位置- -位移- -変位- -위치-",
+    "positie положен- перемещ- -位置- -位移- -変位- -위치- -转角- -角度-",
     "velocity": "v vel velocity- speed- geschw- -geschwindigkeit vitesse velocidad velocita omega dq qd xd rpm "
     "hastighet- nopeus predkosc rychlost sebesseg hiz velocidade snelheid скорост- -速度- -속도-",
     "acceleration": "a acc accel- -beschleunigung beschleunigung- acceleracion aceleracion ускорен- -加速度-",
@@ -58,7 +58,7 @@ _FEEDBACK = "spool- feedback monitor ist actual istwert"  # of a valve's own sen
 _COMMANDED = "cmd command- control-"
 _SENSED = ("pressure", "force", "position")
 _COMPONENTS = ("x", "y", "z")
-ANGLES = "angle winkel- -winkel theta phi q"
+ANGLES = "angle winkel- -winkel theta phi q -转角- -角度-"
 SUPPLY = (
     "s ps sup supply- -supply source- versorgung- speise- netz- rail- compressor- kompressor- line pump- p0 "
     "alimenta- matning- forsyning- syotto- zasilan- napaj- taplal- besleme- voeding- питан- подач- -供- -气源- -공급-"

@@ -107,13 +107,14 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
 
 
 def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
-    """Return the guesses with pressures that say no unit in that of the one which tells it by where it rests."""
+    """Return the guesses with pressures that say no unit in that of the one which rests at ambient, or reaches most."""
     mute = {
         id(g): g for g in guesses if g.signal.startswith("p") and not (g.unit_stated or g.column.unit or g.ask_unit)
     }
-    told = next((one for one in mute.values() if AT_AMBIENT in one.note), None)
-    if told is None:
+    if not mute:
         return list(guesses)
+    reach = max(mute.values(), key=lambda one: float(np.abs(one.column.finite_values).max(initial=0.0)))
+    told = next((one for one in mute.values() if AT_AMBIENT in one.note), reach)
     note = f"CHECK no unit is stated: taken for {told.unit}, as {told.signal} is"
     return [replace(g, unit=told.unit, note=note) if id(g) in mute and g.unit != told.unit else g for g in guesses]
 
@@ -306,12 +307,13 @@ def _clock(columns: Sequence[Column], names: Sequence[ColumnName], *, is_rated: 
     first = (
         [*certain, *called][:1] if columns and any(one.clock is not None for one in columns) else [*certain, *called]
     )
-    labview = [n for n in rising if names[n].words == ("x", "value")]
+    labview = [n for n in rising if names[n].words == ("x", "value")]  # LabVIEW's own clock
     index = [n for n in rising if names[n].words[-1:] == ("index",) and not counts_rows(columns[n])]
     nameless = [n for n in rising if not names[n].words and suits_a_clock(columns[n])]
     nameless = [n for n in nameless if not (is_rated and counts_rows(columns[n]))]
     even = [n for n in rising if not names[n].unit and goes_on_evenly(columns[n])]
-    return next(iter([*first, *labview, *index, *nameless, *even]), None)
+    even = [n for n in even if not any(len(word) > 1 for word in names[n].noun_words)]  # s, for one, is a second, too
+    return next(iter([*labview, *first, *index, *sorted(nameless, key=lambda n: counts_rows(columns[n])), *even]), None)
 
 
 def _is_switched(column: Column) -> bool:

@@ -58,7 +58,8 @@ def find_component(number: str, kind: str, own_table: Path | None = None) -> Com
         InputError: The part is in no table, or the user's table is at fault.
 
     """
-    rows = [*(_own_rows(own_table) if own_table else []), *_rows("components.csv", _shipped())]
+    shipped = files("pneucli.init").joinpath("components.csv").read_text(encoding="utf-8")
+    rows = [*(_own_rows(own_table) if own_table else []), *_rows("components.csv", shipped)]
     of_kind = [row for row in rows if row["kind"] == kind]
     for row in of_kind:
         if (match := _pattern(row["part"]).fullmatch(number)) is not None:
@@ -122,10 +123,6 @@ def _pattern(part: str) -> re.Pattern[str]:
     before, placeholder, after = part.partition("{stroke}")
     stroke = r"(?P<stroke>\d+)" if placeholder else ""
     return re.compile(f"{re.escape(before)}{stroke}{re.escape(after)}(?:-.*)?", re.IGNORECASE)
-
-
-def _shipped() -> str:
-    return files("pneucli.init").joinpath("components.csv").read_text(encoding="utf-8")
 
 
 def _own_rows(path: Path) -> list[dict[str, str]]:

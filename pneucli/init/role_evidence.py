@@ -25,6 +25,7 @@ from pneucli.units import parse_unit, same_dimension
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands
 MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and shows no noise
+MAX_UNEVEN_ROWS = 2  # by which the rows between readings of an even clock of its own differ
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
 SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
 BY_ORDER = "the order of the columns decided"
@@ -50,7 +51,8 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
             if not (counted and piston):  # a chamber's; of a vessel and of a valve's ports the first is the supply
                 why = "CHECK it hardly moves and stands at the top of the other pressures, as a supply does"
                 yield Evidence(n, "p_supply", SURE, why)
-    if not any("command" in names[n].nouns for n in free):
+    moved = any(names[n].kind in ("pressure", "position", "flow") for n in free)  # what a command may move
+    if moved and not any("command" in names[n].nouns for n in free):
         for n in free:
             letters = all(len(word) == 1 for word in names[n].noun_words)
             volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position
@@ -115,12 +117,15 @@ def _range(values: Array) -> float:
 
 
 def looks_set(values: Array) -> bool:
-    """Return whether numbers stay where they are for most steps, and go to few levels."""
+    """Return whether numbers stay where they are for most steps, and go to few levels; or are logged on change."""
     known = values[np.isfinite(values)]
     if known.size < 8 or not np.ptp(known):
         return False
-    still = float(np.mean(np.diff(known) == 0)) >= MIN_STILL_SHARE or known.size < MIN_STILL_SHARE * values.size
-    return still and np.unique(known).size <= max(3.0, MAX_LEVELS * known.size)
+    steps, levels, sparse = np.diff(known), np.unique(known).size, known.size < MIN_STILL_SHARE * values.size
+    apart = np.diff(np.flatnonzero(np.isfinite(values)))  # rows: those of a slow reading are as far apart
+    if sparse and np.all(steps) and levels < known.size and np.ptp(apart) > MAX_UNEVEN_ROWS:
+        return True
+    return (sparse or float(np.mean(steps == 0)) >= MIN_STILL_SHARE) and levels <= max(3.0, MAX_LEVELS * known.size)
 
 
 def rivals(
@@ -167,7 +172,7 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     guesses = []
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
-        note = f"column {columns[twins[n]].key} in other numbers" if n in twins else note
+        note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
         asked = bool(signal) and not column.unit and bool(implausibility(signal, unit, column.finite_values))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses

@@ -71,14 +71,9 @@ def _survey_text(raw: RawFile) -> Survey:
     stated = apply_sniffed(raw, found)
     reader = DelimitedReader(stated)
     columns, labels = _text_columns(reader, found)
-    if not columns:
-        raise InputError(
-            str(raw.path), "no column of numbers", "rows of numbers", "say --skip-rows or --delimiter", code="E041"
-        )
-    if max(one.values.size for one in columns) < 2:
-        raise InputError(
-            str(raw.path), "one row of numbers", "a recording of at least 2", "record it again", code="E041"
-        )
+    if max((one.values.size for one in columns), default=0) < 2:
+        told = "one row of numbers" if columns else "no column of numbers"
+        raise InputError(str(raw.path), told, "rows of numbers", "say --skip-rows or --delimiter", code="E041")
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
     columns, unused, runs = _shaped(reader, columns, labels)
@@ -91,7 +86,7 @@ def _shaped(
     reader: Reader, columns: Sequence[Column], labels: Mapping[str, ColumnValues]
 ) -> tuple[list[Column], list[str], list[tuple[str, list[Column]]]]:
     """Return the columns of a table as one of signals, what is left out in words, and the columns of each run."""
-    words = [one.message for one in reader.repairs if one.kind == "words"]
+    words = [one.message for one in reader.repairs if one.kind in ("words", "matlab-object")]
     if any(falls(one.values) for one in columns if may_be_clock(one)):
         columns = [replace(one, values=one.values[::-1]) for one in columns]
         labels = {key: own[::-1] for key, own in labels.items()}
@@ -107,7 +102,8 @@ def _shaped(
     def as_text(column: Column) -> ColumnValues:
         return _read(reader, [ColumnRequest(list(reader.names).index(str(column.key)), text=True)])[0]
 
-    timed = _has_names(reader, columns) and not computed_clocks(columns)
+    named = all(isinstance(one.key, str) and list(reader.names).count(one.key) == 1 for one in columns)
+    timed = named and not computed_clocks(columns)
     runs = runs_below_one_another(columns, labels, as_text) if timed else []
     runs = runs or runs_beside_one_another(columns)
     valid, told = with_validity(columns, labels, as_text) if timed and not runs else (list(columns), set[str]())
@@ -121,10 +117,6 @@ def _with_clocks(columns: Sequence[Column]) -> list[Column]:
     found = [*computed_clocks(columns), *columns]
     behind = pressure_behind_valve(found, [read_name(one, False) for one in found])
     return _aligned(paired_clocks([*found, *behind]))
-
-
-def _has_names(reader: Reader, columns: Sequence[Column]) -> bool:
-    return all(isinstance(one.key, str) and list(reader.names).count(one.key) == 1 for one in columns)
 
 
 def _counted(key: str, texts: Iterable[Any]) -> str:

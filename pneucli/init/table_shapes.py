@@ -33,21 +33,17 @@ _VALUE = re.compile(
 _LABEL = re.compile(
     r"(?i)topic|tag|name|node|channel|signal|variable|sensor|metric|field|item|point|label|_measurement"
 )
-_SOURCE, _SERVER = (
-    re.compile(r"(?i)source|device|measured|origin"),
-    re.compile(r"(?i)server|receiv|arriv|logged|ingest"),
-)
+_SOURCE = re.compile(r"(?i)source|device|measured|origin")
+_SERVER = re.compile(r"(?i)server|receiv|arriv|logged|ingest")
 _RUN_WORDS = r"run|test|trial|rep|repeat|repetition|measurement|recording|versuch|messung|lauf|essai|prueba"
 _RUN_COLUMN = re.compile(
     rf"(?i)(?:.*[_\s/.])?(?:{_RUN_WORDS}|experiment|batch|shot)s?(?:[_\s.]*(?:id|no|nr|number|index|#))?\.?"
 )
 _RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})s?[\s_\-.#/]*(\d+)\)?")
 _VALIDITY = re.compile(r"(?i)(.+?)[\s_./:-]*(?:is[\s_]?)?(valid(?:ity)?|ok|good|quality|status)")
-_GOOD, _BAD = (
-    re.compile(r"(?i)good|ok|valid|true"),
-    re.compile(
-        r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
-    ),
+_GOOD = re.compile(r"(?i)good|ok|valid|true")
+_BAD = re.compile(
+    r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
 )
 _OPC_GOOD = 192  # quality of OPC DA (0xC0), below which a value is bad or uncertain
 _ELEMENT = re.compile(r"(?<=\w)/(\d+)(?=/)")  # of an array of structs

@@ -21,10 +21,8 @@ from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit
 
 References = Mapping[str, tuple[str, str]]
-MAX_DEFAULT_PERIOD, MIN_HORIZON_SAMPLES = (
-    0.02,
-    20,
-)  # s between samples that the usual horizon is made for; samples within another one
+MAX_DEFAULT_PERIOD = 0.02  # s between samples that the usual horizon is made for
+MIN_HORIZON_SAMPLES = 20  # samples within another one
 PLACEHOLDER = re.compile(r'"[^"#]*\?[^"]*"')
 
 

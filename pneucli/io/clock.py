@@ -52,12 +52,13 @@ _SPELLINGS = (  # of stamps, and what is read in their place
     (_COMPACT + r"(\d{3}|\d{6}|\d{9})$", r"\1-\2-\3 \4:\5:\6.\7"),
     (_COMPACT + r"($|[^\d])", r"\1-\2-\3 \4:\5:\6\7"),
     (r"^\s*(\d{4})[:-](\d{3})[:/T ](\d\d:\d\d)", r"\1-\2 \3"),  # a year and its day
-    (r"^\s*(\d+)(?:\.| ?d(?:ays?)?,? | )(\d\d):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # of .NET, pandas
+    (r"^\s*(\d+)(?:\.| ?d(?:ays?)?,? ?| )(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)$", r"P\1DT\2H\3M\4S"),  # of .NET, pandas
 )
 _SPANS = {"d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # s
 _PARTS = "T?".join(rf"(?:(?P<{unit}>\d+(?:\.\d+)?){unit}_?)?" for unit in _SPANS)
 _SPAN = rf"(?i)^\s*(?:(?:L?T|L?TIME)#|P)(?:{_PARTS})\s*$"  # T#5s10ms of IEC 61131-3, PT5.01S of ISO 8601
 _IS_SPAN = re.compile(_SPAN)
+_DAYS_BEFORE = r"^\s*(\d+) days?, ?"  # as Python writes durations
 
 
 _MONTHS = {  # the first letters of months as they are not in English
@@ -163,6 +164,10 @@ class Clock:
         return np.asarray((stamps - first) / np.timedelta64(1, "s"), dtype=np.float64)
 
     def _of_texts(self, texts: Any) -> ColumnValues:
+        if pc.any(pc.match_substring_regex(texts, _DAYS_BEFORE)).as_py():  # none before the first day is over
+            texts = pc.replace_substring_regex(texts, rf"(?:{_DAYS_BEFORE})?(\d+):(\d\d):(\d\d.*)$", r"P0\1DT\2H\3M\4S")
+            since = _seconds_of_spans(pc.extract_regex(texts, _SPAN))
+            return since if self._first is None else since - self._first
         known = next((text for text in texts.to_pylist() if text), "")
         for spelling, plain in _SPELLINGS if _spelled_out(known) != known else ():
             texts = pc.replace_substring_regex(texts, spelling, plain)
@@ -450,8 +455,10 @@ def spread_repeated_stamps(batches: Iterator[Batch], repairs: list[Repair]) -> I
     first = next(batches, None)
     if first is None:
         return
-    clock = None if _shares_evenly(first["time"]) else EvenClock.of(first["time"])
-    if clock is None and _is_coarse(first["time"]):
+    coarse = _is_coarse(first["time"])
+    evenly = coarse and np.ptp(np.diff(_run_edges(first["time"]))[1:-1]) == 0  # as many rows share each stamp
+    clock = None if evenly else EvenClock.of(first["time"])
+    if clock is None and coarse:
         first, batches = joined([first, *batches]), iter(())
         first["time"], period = _spread(first["time"])
         rows = first["time"].size
@@ -473,11 +480,6 @@ def continuous_stamps(raw: Array) -> Array:
 def spread_stamps(time: Array) -> Array:
     """Return the stamps of a coarse clock spread evenly; the same array where the clock is not coarse."""
     return next(spread_repeated_stamps(iter([{"time": time}]), []))["time"]
-
-
-def _shares_evenly(time: Array) -> bool:
-    """Return whether equally many rows share each stamp but the first and the last."""
-    return _is_coarse(time) and bool(np.ptp(np.diff(_run_edges(time))[1:-1]) == 0)
 
 
 def _is_coarse(time: Array) -> bool:

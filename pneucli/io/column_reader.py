@@ -250,11 +250,11 @@ _CLOCK_NAME = re.compile(
 )
 # what single values that say a rate, or the time between samples, are called
 _RATE_NAMES = re.compile(
-    r"(?i)^(?:fs|f_s|fsample|rate|(?:sample|sampling|scan|data|abtast|mess)[ _]?(?:rate|frequency|freq|frequenz))\b"
+    r"(?i)^(?:fs|f_s|fsample|rate|(?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)[ _]?(?:rate|fre[qk]\w*))\b"
 )
 _PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|d[tx]|delta_?[tx]|tsample|sample[ _]?time|(?:x[ _]?)?increment|h_?resolution|"
-    r"(?:(?:sampl(?:e|ing)|abtast|mess)[ _]?)?(?:intervall?|period))\b"
+    r"(?i)^(?:ts|t_s|d[tx]|delta[ _]?[tx]|tsample|sample[ _]?time|time[ _]?step|(?:x[ _]?)?increment|"
+    r"h[ _]?resolution|(?:(?:sampl\w*|scan|acquisition|record\w*|abtast|mess)[ _]?)?(?:intervall?|period))\b"
 )
 SAME_RATE = 0.02  # by which two statements of one rate may differ
 

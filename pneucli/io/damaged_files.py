@@ -9,6 +9,7 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from pathlib import Path
 
 from pneucli.errors import InputError
@@ -16,10 +17,10 @@ from pneucli.io.raw_file import Repair
 from pneucli.messages.formatting import format_plain
 
 MIN_EXPANSION_LIMIT = 512 << 20  # bytes that any file may expand to
-MAX_EXPANSION_RATIO = (
-    100  # times its own size, that a larger one may: measured signals, having noise, shrink to a tenth at most
-)
+# times its own size, that a larger one may: measured signals, having noise, shrink to a tenth at most
+MAX_EXPANSION_RATIO = 100
 _LIBRARY_LOGGERS = ("asammdf", "nptdms")
+MAX_NOTES = 1000  # that a library may log; of more the last ones are told
 _IGNORED_WARNINGS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, ResourceWarning)
 
 
@@ -68,19 +69,11 @@ def _first_line(text: str) -> str:
     return line if len(line) <= 200 else f"{line[:200]} ..."
 
 
-class _NoteHandler(logging.Handler):
-    def __init__(self, notes: list[str]) -> None:
-        super().__init__(logging.WARNING)
-        self._notes = notes
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._notes.append(record.getMessage())
-
-
 @contextmanager
 def _capture_logs(notes: list[str]) -> Iterator[None]:
     """Let the libraries' loggers write to ``notes`` instead of the screen."""
-    root, handler = logging.getLogger(), _NoteHandler(notes)
+    root, handler = logging.getLogger(), BufferingHandler(MAX_NOTES)
+    handler.setLevel(logging.WARNING)
     own = [
         log
         for name, log in root.manager.loggerDict.items()
@@ -92,6 +85,7 @@ def _capture_logs(notes: list[str]) -> Iterator[None]:
     try:
         yield
     finally:
+        notes += [record.getMessage() for record in handler.buffer]
         for log, handlers, propagate in before:
             log.handlers, log.propagate = handlers, propagate
 

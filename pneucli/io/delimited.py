@@ -352,7 +352,6 @@ MAX_LINE_BYTES = 16 << 20  # bytes of a line
 _WORDS_BELOW = re.compile(rb"\n[ \t\r]*\n\s*\"?[A-Za-z\[(*=\x80-\xff]")
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)
 _BLANKS = re.compile(rb"[ \t]+")
-_EDGES = re.compile(rb"^[ \t]+|[ \t]+(?=\r?$)", re.MULTILINE)
 
 
 class NormalizedTextStream:
@@ -375,6 +374,8 @@ class NormalizedTextStream:
         self._blanks = look.delimiter == " "
         self._delimiter = look.delimiter.encode()
         self._padding = re.compile(rb" *%b *" % re.escape(self._delimiter))
+        blank = b" " if look.delimiter == "\t" else rb"[ \t]"  # a tab at an end parts a field
+        self._edges = re.compile(rb"^%b+|%b+(?=\r?$)" % (blank, blank), re.MULTILINE)
         self._line_end = look.line_end.encode()
         self._rewritings = [*in_bytes(look.rewritings, "\t" if self._blanks else look.delimiter)]
         self._skip = look.skip
@@ -443,9 +444,9 @@ class NormalizedTextStream:
         for pattern, plain in self._rewritings:
             block = pattern.sub(plain, block)
         if self._blanks:
-            return _BLANKS.sub(b"\t", _EDGES.sub(b"", block))
+            return _BLANKS.sub(b"\t", self._edges.sub(b"", block))
         padded = b" " + self._delimiter in block or self._delimiter + b" " in block
-        return self._padding.sub(self._delimiter, _EDGES.sub(b"", block)) if padded else block
+        return self._padding.sub(self._delimiter, self._edges.sub(b"", block)) if padded else block
 
     def _first_table(self, block: bytes) -> bytes:
         """Return the lines of a block up to where another table, or words, begin below a blank line."""

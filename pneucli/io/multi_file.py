@@ -140,10 +140,10 @@ def estimate_clock_offset(first: Batch, own: Batch, match: str, where: str) -> t
     a, b = _finite_samples(first, match), _finite_samples(own, match)
     lags, errors, likeness = _cross_correlation(a, b)
     best = int(np.argmin(errors))
-    far = np.abs(lags - lags[best]) > _correlation_time(b)
+    step, slope = float(np.median(np.diff(lags))), _rms_slope(b)
+    far = np.abs(lags - lags[best]) > 2.0 * float(np.std(b[1])) / slope  # s, in which it changes by its deviation
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - few recordings look for an offset
 
-    step, slope = float(np.median(np.diff(lags))), _rms_slope(b)
     wanted, mend = f"{match} of one motion in both files", 'state it: offset = "... s"'
     if not likeness[best] > MIN_CORRELATION:
         raise InputError(where, f"{match} is not alike in both files at any offset", wanted, mend, code="E049")
@@ -192,11 +192,6 @@ def _cross_correlation(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[
     likeness = np.where(enough, both / np.maximum(np.sqrt(spread[0] * spread[1]), 1e-300), -1.0)
     lags = (np.arange(count.size) - (y.size - 1)) * step + grids[0][0] - grids[1][0]
     return lags, errors, likeness
-
-
-def _correlation_time(b: tuple[Array, Array]) -> float:
-    """Return the time (s) over which a signal changes by its own deviation."""
-    return 2.0 * float(np.std(b[1])) / _rms_slope(b)
 
 
 def _rms_slope(b: tuple[Array, Array]) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -28,7 +30,7 @@ def content_stamp(url: str) -> str:
 
     Raises InputError where there is no such file or no answer.
     """
-    try:
+    with store_errors_as_input_errors(url):
         if _scheme(url) in ARROW_SCHEMES:
             system, path = fs.FileSystem.from_uri(url)
             with system.open_input_file(path):  # says that there is none, where there is none
@@ -36,10 +38,6 @@ def content_stamp(url: str) -> str:
             return f"{info.size} {info.mtime_ns}"
         info = _fsspec_filesystem(url).info(url)
         return " ".join(str(info.get(key)) for key in ("size", "ETag", "mtime", "LastModified", "Last-Modified"))
-    except InputError:
-        raise
-    except Exception as error:  # whatever a store may say
-        raise store_error(url, error) from error
 
 
 def fetch(url: str, folder: Path) -> Path:
@@ -48,14 +46,10 @@ def fetch(url: str, folder: Path) -> Path:
     Raises InputError as ``content_stamp``.
     """
     target = folder / (Path(urlsplit(url).path).name or "file")
-    try:
+    with store_errors_as_input_errors(url):
         system, path = filesystem_of(url)
         with system.open_input_stream(path) as source, target.open("wb") as file:
             shutil.copyfileobj(source, file, BLOCK_BYTES)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a store may say
-        raise store_error(url, error) from error
     return target
 
 
@@ -76,8 +70,14 @@ def _fsspec_filesystem(url: str) -> Any:
     return library_of_extra("fsspec", "remote", url).core.url_to_fs(url)[0]
 
 
-def store_error(url: str, error: Exception, wanted: str = "a file that is there, and may be read") -> InputError:
-    """Return the message of a store as an error of the input; a password in the URL is not shown."""
-    shown = re.sub(r"//[^/@]*@", "//", url)
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return InputError(shown, f"cannot be read: {reason}", wanted, "check URL and access", code="E003")
+@contextmanager
+def store_errors_as_input_errors(url: str, wanted: str = "a file that is there, and may be read") -> Iterator[None]:
+    """Let what a store says be an error of the input; a password in the URL is not shown."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # whatever a store may say
+        shown = re.sub(r"//[^/@]*@", "//", url)
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(shown, f"cannot be read: {reason}", wanted, "check URL and access", code="E003") from error

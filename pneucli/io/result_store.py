@@ -11,9 +11,8 @@ from typing import TypeVar
 
 from pyarrow import fs
 
-from pneucli.errors import InputError
 from pneucli.io.artifacts import atomic_path
-from pneucli.io.remote_files import filesystem_of, is_remote, store_error
+from pneucli.io.remote_files import filesystem_of, is_remote, store_errors_as_input_errors
 
 MAX_REQUESTS = 16  # requests to a store: each waits for an answer
 T = TypeVar("T")
@@ -101,10 +100,8 @@ class Store:
         self._request(lambda: self.system.delete_file(f"{self.base}/{name}"))
 
     def _request(self, question: Callable[[], T]) -> T:
-        try:
+        with store_errors_as_input_errors(self.where, "a store that answers and may be written to"):
             return question()
-        except Exception as error:  # whatever a store may say
-            raise store_error(self.where, error, "a store that answers and may be written to") from error
 
 
 @lru_cache(maxsize=4)
@@ -115,12 +112,8 @@ def store_at(where: str) -> Store:
     """
     if not is_remote(where):
         return Store(where, fs.LocalFileSystem(), where)
-    try:
+    with store_errors_as_input_errors(where, "a URL such as s3://bucket/folder"):
         system, base = filesystem_of(where)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a store may say
-        raise store_error(where, error, "a URL such as s3://bucket/folder") from error
     return Store(where, system, base.rstrip("/"))
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.clock import is_date_or_time
-from pneucli.io.column_reader import number_in
+from pneucli.io.column_reader import is_rate, number_in, tells_rate
 from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import (
@@ -70,6 +70,10 @@ def sniff(raw: RawFile) -> SniffedLayout:
     """
     head = head_of(raw)
     lines, rewritings = head.lines[:MAX_LINES], rewritings_in(head.text)
+    keys = Counter(one[1] for one in map(_READING.fullmatch, lines) if one)
+    if 2 * sum(count for count in keys.values() if count > 1) > sum(map(bool, map(str.strip, lines))) and len(keys) > 1:
+        told, mend = f"a line for each reading: {', '.join([*keys][:4])}", "write those of one instant into one row"
+        raise InputError(str(raw.path), told, "a row for each sample", f"{mend}, with its time stamp", code="E041")
     marks = [raw.delimiter] if raw.delimiter else DELIMITERS
     tables = [_DelimitedTable(lines, mark, raw.skip_rows, rewritings) for mark in marks]
     found = max(tables, key=lambda one: (one.score, one.delimiter != " ", one.width))  # a blank also parts dates
@@ -85,8 +89,9 @@ def sniff(raw: RawFile) -> SniffedLayout:
         told, mend = f"the columns become {found.width} here", f"cut the file there, or say --skip-rows {line - 1}"
         raise InputError(f"{raw.path}, line {line}", told, "as many columns as above", mend, code="E043")
     if not found.score:
+        told = f"no table of numbers, but {next(filter(str.strip, lines), '')[:60]!r}"
         wanted, mend = "rows of numbers", "say --skip-rows, --delimiter or --decimal, or export it as CSV"
-        raise InputError(str(raw.path), "no table of numbers", wanted, mend, code="E041")
+        raise InputError(str(raw.path), told, wanted, mend, code="E041")
     return found.describe(raw.header)
 
 
@@ -97,10 +102,10 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
     cut = [TextLayout("", found.delimiter, "", 0, ()).split(line) for line in lines[: found.skip_rows]]
     below = [f"{name}: {value}" for row, under in pairwise(cut) for name, value in zip(row, under, strict=False)]
     for line in (*lines, *below):
-        if match := _STATED_RATE.match(line):
+        if (match := _STATED_NUMBER.match(line)) and tells_rate(match[1].strip()):
             name, unit = match[1].strip(), (match[2] or match[4] or "").strip()
             number = float(match[3].split(",")[0] if found.delimiter == "," else match[3].replace(",", "."))
-            wanted = "Hz" if re.search(r"(?i)rate|freq|^fs", name) else "s"
+            wanted = "Hz" if is_rate(name) else "s"
             try:
                 numbers[name] = number * (parse_unit(unit).factor if unit and same_dimension(unit, wanted) else 1.0)
             except UnitError:
@@ -108,11 +113,10 @@ def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
     return numbers
 
 
+_READING = re.compile(r"\s*([^\W\d][\w ./-]*?)\s*[:=]\s*[-+]?[\d.]+\s*[^\s\d]{0,6}\s*")  # "Humidity: 44.4 %"
 MAX_PREAMBLE_LINES = 60
-_STATED_RATE = re.compile(
-    r'(?i)^[#%;"\s]*((?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)?[ _]?(?:rate|fre[qk]\w*|fs|intervall?|'
-    r"period|dt|increment|"
-    r'time[ _]?step|x[ _]?increment|h[ _]?resolution|delta[ _]?[tx]))\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\s]+"?'
+_STATED_NUMBER = re.compile(
+    r'[#%;"\s]*([^\W\d][\w ]*?)\s*(?:[\[(]([^\])]*)[\])])?["\s]*[:=,;\s]+"?'
     r'(\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"?[\s;,]*"?((?:[A-Za-zµ][A-Za-zµ/]*)?)'
 )
 
@@ -149,10 +153,10 @@ class _DelimitedTable:
 
     @property
     def lies_on_its_side(self) -> bool:
-        """Whether each line has the samples of one channel, named or more of them than a table has columns."""
+        """Whether each line has the samples of one channel: a name before them, or more of them than there are rows."""
         rows = [row for row in self._rows if row and len(row) == self.width]
         named = not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
-        told = named or self.width >= _MAX_COLUMNS
+        told = named or self.width >= _MAX_COLUMNS or len(rows) < MIN_TABLE_ROWS
         return bool(rows) and told and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
 
     @property
@@ -325,8 +329,8 @@ class _DelimitedTable:
         told = all(text or group or not there for text, group, there in zip(below, groups, self._there, strict=False))
         if names and len(set(below) - {""}) <= len(names) // 2 and "" in groups and told:
             spread = list[str]()
-            for text in groups:
-                spread.append(text or spread[-1] if spread else text)
+            for text, there in zip(groups, self._there, strict=True):  # an empty column belongs to no group
+                spread.append(spread[-1] if spread and there and not text else text)
             named = zip(spread, below, strict=True)
             own = [text if name.lower() in _VALUES and text else f"{text} {name}".strip() for text, name in named]
         return tuple(own) if tuple(own) != names else ()

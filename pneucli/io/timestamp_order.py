@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.arrays import Array, Indices, Mask
+from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
 from pneucli.io.raw_file import ColumnValues, Repair
 from pneucli.messages.formatting import format_plain
@@ -244,11 +244,11 @@ def align_tables(tables: Sequence[Table], held: Collection[str], locate: RowLoca
         return Alignment(*join_tables(tables, locate))
     kept, losses = drop_disordered(tables, locate)
     few = max(table.time.size for table in _with_readings(kept, held)) < MIN_GRID_SAMPLES
-    if few or _lack_rows_alone([table.time for table in kept]):
-        table, losses = join_tables(tables, locate)
-        columns = {name: hold_missing(v)[0] if name in held else v for name, v in table.columns.items()}
-        return Alignment(replace(table, columns=columns), losses)
-    return _on_fastest_clock(kept, held, losses, locate)
+    if not few and not _lack_rows_alone([table.time for table in kept]):
+        return _on_fastest_clock(kept, held, losses, locate)
+    table, losses = join_tables(tables, locate)
+    columns = {name: hold_missing(v)[0] if name in held else v for name, v in table.columns.items()}
+    return Alignment(replace(table, columns=columns), losses)
 
 
 def _lack_rows_alone(clocks: Sequence[Array]) -> bool:
@@ -287,7 +287,9 @@ def _on_fastest_clock(
             repairs.append(
                 Repair(name, "clock", int(table.time.size), _clock_note(name, table.time, period, name in held))
             )
-    shared = [fastest.rows[inside], *(_shared_rows(table, held, span) for table in others)]
+    before = [set(table.columns) <= set(held) for table in others]  # commands from before the span hold in it
+    used_rows = [table.rows[own | _inside(table, span)] for own, table in zip(before, others, strict=True)]
+    shared = [fastest.rows[inside], *used_rows]
     read, used = (np.unique(np.concatenate(rows)).size for rows in ([table.rows for table in tables], shared))
     losses = losses + Counter({"joined": used - int(time.size), "no-overlap": read - used})
     return Alignment(Table(time, columns, fastest.rows[inside]), losses, repairs)
@@ -295,11 +297,6 @@ def _on_fastest_clock(
 
 def _inside(table: Table, span: tuple[float, float]) -> Mask:
     return (table.time >= span[0]) & (table.time <= span[1])
-
-
-def _shared_rows(table: Table, held: Collection[str], span: tuple[float, float]) -> Indices:
-    """Return the rows of a table that are used; commands from before the span hold their value in it."""
-    return table.rows if table.columns.keys() <= set(held) else table.rows[_inside(table, span)]
 
 
 def _clock_note(name: str, stamps: Array, period: float, is_held: bool) -> str:

@@ -10,9 +10,7 @@ from typing import Literal
 from pneucli.figure import flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.compare import LeftOut
-from pneucli.messages.formatting import format_plain
-from pneucli.quantities import display_unit
-from pneucli.units import parse_unit
+from pneucli.messages.formatting import format_plain, in_display_unit, unit_symbol
 
 Weight = Literal["contradiction", "doubt"]
 LOSSES = "no_stamp duplicate backward truncated outside other_channel joined no_overlap"
@@ -203,14 +201,13 @@ def signal_summary_table(
 
 
 def _row(experiment: str, signal: str, seen: Sequence[SignalSummary]) -> tuple[str, ...]:
-    unit = display_unit(signal, seen[0].unit)
-    factor, offset = parse_unit(unit).factor, parse_unit(unit).offset
     values = (min(s.least for s in seen), statistics.median(s.median for s in seen), max(s.most for s in seen))
     noise, rate = [s.noise for s in seen if s.noise is not None], [s.rate for s in seen if s.rate is not None]
+    unit = seen[0].unit
     return (
         *(experiment, signal),
-        *(f"{format_plain((value - offset) / factor, 4)}" for value in values),
-        f"{format_plain(statistics.median(noise) / factor, 2)}" if noise else "?",
-        unit,
+        *(format_plain(in_display_unit(value, unit), 4) for value in values),
+        format_plain(in_display_unit(statistics.median(noise), unit), 2) if noise else "?",
+        unit_symbol(unit),
         f"{format_plain(statistics.median(rate), 4)} Hz" if rate else "?",
     )

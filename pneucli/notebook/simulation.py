@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pneucli.arrays import Array
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.noise import NoiseModel
 from pneucli.notebook.model import is_rotary
@@ -77,9 +77,8 @@ def simulate(
         raise InputError("simulate", "no command", "u=..., in V, or recording=...", code="E090")
     _require_valve(run)
     kind = experiment or ("axis" if model.rig.has_cylinder else "valve")
-    if kind not in EXPERIMENT_KINDS or not EXPERIMENT_KINDS[kind].simulated:
-        kinds = [name for name, one in EXPERIMENT_KINDS.items() if one.simulated]
-        raise InputError("simulate, experiment", f'"{kind}"', mend=did_you_mean(kind, kinds), code="E090")
+    simulated = [name for name, one in EXPERIMENT_KINDS.items() if one.simulated]
+    require_known([kind], simulated, "simulate, experiment", code="E090")
     signals = _inputs({"u": u, "u2": u2, "p_supply": p_supply})
     stamps = _time_stamps(time, signals["u"].size)
     signals |= _initial_state(start or {}, model, kind, stamps.size)
@@ -116,11 +115,7 @@ def _with_parameter_values(model: Model, values: Mapping[str, float]) -> Model:
         **model.values,
         **{name: value for name, (value, _) in model.valve_parameters().items()},
     }
-    for name in values:
-        if name not in available:
-            raise InputError(
-                "simulate, parameters", f'"{name}" is no parameter', mend=did_you_mean(name, available), code="E091"
-            )
+    require_known(values, available, "simulate, parameters", '"{}" is no parameter', code="E091")
     return with_parameters(model, dict(values)) if values else model
 
 
@@ -148,11 +143,7 @@ def _time_stamps(time: ArrayLike | None, size: int) -> Array:
 
 
 def _initial_state(given: Mapping[str, float], model: Model, kind: str, size: int) -> dict[str, Array]:
-    for name in given:
-        if name not in STATE:
-            raise InputError(
-                "simulate, start", f'"{name}" is no part of the state', mend=did_you_mean(name, STATE), code="E090"
-            )
+    require_known(given, STATE, "simulate, start", '"{}" is no part of the state', code="E090")
     rig = model.rig
     state = {"p1": rig.ambient_pressure}
     if EXPERIMENT_KINDS[kind].cylinder:
@@ -164,10 +155,7 @@ def _initial_state(given: Mapping[str, float], model: Model, kind: str, size: in
 def _free_run(run: RunData, model: Model, name: str) -> pd.DataFrame:
     data = run.pipeline_data()
     by_name = {r.name: r for r in data.recordings}
-    if name not in by_name:
-        raise InputError(
-            "simulate, recording", f'"{name}" is no recording', mend=did_you_mean(name, by_name), code="E091"
-        )
+    require_known([name], by_name, "simulate, recording", '"{}" is no recording', code="E091")
     found = free_run(model, prepare(by_name[name], data.rig, None), name)
     measured = {f"measured_{channel}": values for channel, values in found.measured.items()}
     return _frame({"time": found.time, **found.commands, **found.modelled, **measured}, rotary=is_rotary(run.artifacts))

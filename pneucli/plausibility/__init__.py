@@ -26,7 +26,9 @@ def with_own_signals(findings: Sequence[Finding], recordings: Sequence[Recording
     """
     reversed_in = {(one.signal, one.recording) for one in findings if one.check == "direction"}
     common = {
-        signal: all((signal, one.name) in reversed_in for one in recordings if _changes(signal, one))
+        signal: all(
+            (signal, one.name) in reversed_in for one in recordings if signal in one and not is_inactive(one[signal])
+        )
         for signal, _ in reversed_in
     }
     return [
@@ -35,10 +37,6 @@ def with_own_signals(findings: Sequence[Finding], recordings: Sequence[Recording
         else one
         for one in findings
     ]
-
-
-def _changes(signal: str, recording: Recording) -> bool:
-    return signal in recording and not is_inactive(recording[signal])
 
 
 def _for_one_recording(one: Finding) -> str:

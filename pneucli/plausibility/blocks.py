@@ -15,9 +15,8 @@ from pneucli.recording import Recording
 
 MIN_BLOCK_SAMPLES = 6  # samples of a block: a parabola through it leaves as many to tell its noise from
 MIN_BLOCKS = 16  # blocks that a statement about a recording needs
-MIN_SIGNAL_TO_NOISE = (
-    10.0  # times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
-)
+# times its noise, that slopes stand clear of it: what noise in x takes off a fitted line is then 1 %
+MIN_SIGNAL_TO_NOISE = 10.0
 JACKKNIFE_GROUPS = 10  # stretches of a recording, left out one at a time, that tell how sure a line is
 FOLDS = 10  # of the blocks, each predicted from the others
 MAX_DURATION_RATIO = 1.5  # of its usual duration: a longer block has a gap in it

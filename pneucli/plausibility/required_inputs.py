@@ -62,50 +62,28 @@ def _chamber_1_volume_unobserved(one: Recording, _: Rig) -> bool:
     return one.kind.axis and "p1" not in one
 
 
-_RIG_KEYS: tuple[tuple[str, str, str, str, AppliesTo], ...] = (
-    ("rig.cylinder", "piston_area_1", "the area on which p1 acts", '"8.04 cm^2"', _pressures_act_on_piston),
-    (
-        "rig.cylinder",
-        "stroke",
-        "the stroke, without which chamber 2 has no volume",
-        '"200 mm"',
-        _gas_enclosed_in_chamber_2,
-    ),
-    (
-        "rig.cylinder",
-        "dead_volume_1",
-        "the volume of chamber 1, which p1 does not show",
-        '"30 cm^3"',
-        _chamber_1_volume_unobserved,
-    ),
-    (
-        "rig.cylinder",
-        "dead_volume_2",
-        "the volume of chamber 2, which p2 does not show",
-        '"30 cm^3"',
-        _chamber_2_volume_unobserved,
-    ),
-    ("rig", "supply_pressure", "the pressure before the valve, which is not recorded", '"7 bar"', _supply_unrecorded),
+_RIG_KEYS: tuple[tuple[str, str, str, AppliesTo], ...] = (
+    ("piston_area_1", "the area on which p1 acts", '"8.04 cm^2"', _pressures_act_on_piston),
+    ("stroke", "the stroke, without which chamber 2 has no volume", '"200 mm"', _gas_enclosed_in_chamber_2),
+    ("dead_volume_1", "the volume of chamber 1, which p1 does not show", '"30 cm^3"', _chamber_1_volume_unobserved),
+    ("dead_volume_2", "the volume of chamber 2, which p2 does not show", '"30 cm^3"', _chamber_2_volume_unobserved),
+    ("supply_pressure", "the pressure before the valve, which is not recorded", '"7 bar"', _supply_unrecorded),
 )
 
 
 def required_inputs(recordings: Sequence[Recording], rig: Rig) -> list[RequiredInput]:
     """Return what the recordings need of the rig and the pipeline file does not say."""
     found = []
-    for table, key, what, example, of in _RIG_KEYS:
+    for key, what, example, of in _RIG_KEYS:
         asking = [one for one in recordings if getattr(rig, key) is None and of(one, rig)]
         if asking:
+            table = "rig" if key == "supply_pressure" else "rig.cylinder"
             found.append(RequiredInput(table, key, f"{what} ({_named(asking)})", example))
-    unread = [one for one in recordings if _chamber_2_pressure_unknown(one)]
-    if unread:
+    passive = [one for one in recordings if one.kind.cylinder and not one.kind.valve and "p2" not in one]
+    if unread := [one for one in passive if one.chamber_2 in ("closed", "valve")]:
         what = f"the pressure of chamber 2, which is not open to ambient ({_named(unread)})"
         found.append(RequiredInput("[recordings]", "p2", what, '"1.013 bar"'))
     return found
-
-
-def _chamber_2_pressure_unknown(one: Recording) -> bool:
-    """Whether a pressure acts on the piston that nobody recorded nor states."""
-    return one.kind.cylinder and not one.kind.valve and "p2" not in one and one.chamber_2 in ("closed", "valve")
 
 
 def without_pressure(recordings: Sequence[Recording]) -> list[Recording]:

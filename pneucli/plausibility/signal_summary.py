@@ -11,9 +11,8 @@ from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
 
 GAP_PERIODS = 2.5  # of a signal's own sampling period: two samples may lie two periods apart where its clock drifts
-PERIOD_PERCENTILE = (
-    10.0  # percentile of the steps between samples: the period of a clock of which most stamps were lost
-)
+# percentile of the steps between samples: the period of a clock of which most stamps were lost
+PERIOD_PERCENTILE = 10.0
 
 
 def summarize_signal(recording: Recording, signal: str) -> SignalSummary:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from pneucli.arrays import Array
 from pneucli.compare.error_regions import locator_signals
 from pneucli.experiments import EXPERIMENT_KINDS
+from pneucli.messages.formatting import axis_title, in_display_unit, signal_unit, unit_symbol
 from pneucli.physics.declaration import Effect
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
@@ -46,8 +47,6 @@ TIME: Array = np.arange(4001, dtype=np.float64) * 1e-3
 HORIZON = 0.5  # s, the default of the comparison
 # noise of common sensors of such a rig, in which channels of different units are compared
 NOISE = {"p1": 400.0, "p2": 400.0, "x": 1e-5, "v": 5e-3, "a": 0.05, "force": 0.3}
-DISPLAY_FACTORS = {"bar": 1e-5, "mm": 1e3, "mm/s": 1e3}
-TITLES = {"direction": "direction of motion", "p_ratio": "pressure ratio", "time": "time in s"}
 FIGURE_STYLE: Any = {"svg.hashsalt": "pneucli", "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5}
 FIGURE_STYLE |= {
     "axes.spines.top": False,
@@ -137,21 +136,20 @@ def _noise_ratio(channel: str, seen: Experiment, base: dict[str, Array]) -> floa
 
 
 def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
-    q, symbol = SIGNALS[channel], SIGNALS[channel].symbol
-    scale = DISPLAY_FACTORS.get(q.display_unit, 1.0)
-    true, base = scale * seen.raw[channel], scale * base
+    q, over = SIGNALS[channel], effect.shows_over
+    true, base = in_display_unit(seen.raw[channel], q.unit), in_display_unit(base, q.unit)
     with matplotlib.rc_context(FIGURE_STYLE):
         figure = Figure(figsize=(7.4, 2.7), layout="constrained")
         left, right = figure.subplots(1, 2)
         some = slice(None, None, 8)
         left.plot(TIME[some], true[some], color=GREY, lw=2.2, label="with it")
         left.plot(TIME[some], base[some], color=ORANGE, lw=1.0, label="model without it")
-        left.set(xlabel="time in s", ylabel=f"{q.title} in {q.display_unit}")
+        left.set(xlabel="time in s", ylabel=axis_title(channel))
         left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=7.5)
-        over = effect.shows_over
-        right.plot(_locator_values(seen, over)[some], (true - base)[some], ".", color=BLUE, ms=2.5)
+        variable = in_display_unit(locator_signals(seen)[over], signal_unit(over))
+        right.plot(variable[some], (true - base)[some], ".", color=BLUE, ms=2.5)
         right.axhline(0.0, color=GREY, lw=0.6)
-        right.set(xlabel=_axis(over), ylabel=f"difference of {symbol} in {q.display_unit}")
+        right.set(xlabel=axis_title(over), ylabel=f"difference of {q.symbol} in {unit_symbol(q.unit)}")
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     return _rounded_coordinates(text.getvalue())
@@ -160,12 +158,3 @@ def _draw(effect: Effect, seen: Experiment, channel: str, base: Array) -> str:
 def _rounded_coordinates(svg: str) -> str:
     """Return the file with coordinates rounded to hundredths of a point; labels, which are no attributes, stay."""
     return re.sub(r'"[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), svg)
-
-
-def _locator_values(seen: Experiment, over: str) -> Array:
-    unit = SIGNALS[over].display_unit if over in SIGNALS else ""
-    return DISPLAY_FACTORS.get(unit, 1.0) * locator_signals(seen)[over]
-
-
-def _axis(over: str) -> str:
-    return TITLES.get(over) or f"{SIGNALS[over].title} in {SIGNALS[over].display_unit}"

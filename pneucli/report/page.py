@@ -18,7 +18,6 @@ from pneucli.report.page_elements import Panel, Section, SectionMaker, ZoomPlot
 from pneucli.report.report_data import ReportData
 from pneucli.report.sections import SECTIONS
 
-_ASSETS = files("pneucli.report") / "assets"
 STYLES = ("uPlot.min.css", "page.css")
 SCRIPTS = ("uPlot.iife.min.js", "plots.js", "report.js")
 
@@ -50,34 +49,44 @@ def render_page(name: str, front: Overview, sections: Sequence[Section], about: 
         sections: The chapters.
         about: Lines of the footer by title.
     """
+    scripts = SCRIPTS if any(_zoom_plots(sections)) else ()
+    content = {"name": name, "front": front, "sections": sections, "about": about, "plots": _plots(sections)}
+    return render_template("pneucli.report", "page.html.j2", STYLES, scripts, content)
+
+
+def render_template(
+    package: str, template: str, styles: Sequence[str], scripts: Sequence[str], content: Mapping[str, Any]
+) -> str:
+    """Return a page that needs no network and runs no script but its own.
+
+    Args:
+        package: The package whose folder ``assets`` holds all files.
+        template: The template, which has ``styles``, ``scripts`` and ``policy`` beside the content.
+        styles: The style sheets.
+        scripts: The scripts.
+        content: What the page shows, by name.
+    """
     environment = Environment(
-        loader=PackageLoader("pneucli.report", "assets"),
+        loader=PackageLoader(package, "assets"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters["named"] = _with_label
-    scripts = [_asset(name) for name in SCRIPTS] if any(_zoom_plots(sections)) else []
-    return environment.get_template("page.html.j2").render(
-        name=name,
-        front=front,
-        sections=sections,
-        about=about,
-        styles=[_asset(name) for name in STYLES],
-        scripts=scripts,
-        policy=_policy(scripts),
-        plots=Markup(_plots(sections)),
-    )
+    assets = files(package) / "assets"
+    style, script = ([Markup((assets / one).read_text(encoding="utf-8")) for one in some] for some in (styles, scripts))
+    return environment.get_template(template).render(content, styles=style, scripts=script, policy=_policy(script))
+
+
+def as_data(content: Any) -> Markup:
+    """Return JSON that is safe inside a script element."""
+    return Markup(json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def _with_label(svg: str, caption: str) -> str:
     """Return a picture with a label for screen readers."""
     return svg.replace('role="img"', f'role="img" aria-label="{escape(caption)}"', 1)
-
-
-def _asset(name: str) -> Markup:
-    return Markup((_ASSETS / name).read_text(encoding="utf-8"))
 
 
 def _policy(scripts: Sequence[str]) -> str:
@@ -92,13 +101,14 @@ def _zoom_plots(sections: Sequence[Section]) -> Iterator[ZoomPlot]:
     return (part for section in sections for part in section.parts if isinstance(part, ZoomPlot))
 
 
-def _plots(sections: Sequence[Section]) -> str:
-    """Return the data of the zoomable plots as JSON that is safe inside a script element."""
-    content = {
-        zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]
-        for zoom in _zoom_plots(sections)
-    }
-    return json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
+def _plots(sections: Sequence[Section]) -> Markup:
+    """Return the data of the zoomable plots."""
+    return as_data(
+        {
+            zoom.name: [{"name": r.name, "panels": [_panel(p) for p in r.panels]} for r in zoom.runs]
+            for zoom in _zoom_plots(sections)
+        }
+    )
 
 
 def _panel(panel: Panel) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from pneucli.config import recording_sources
 from pneucli.controller import layout
 from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
-from pneucli.figure import read, to_json
+from pneucli.figure import read, to_answer
 from pneucli.identify.valve.flow_bench import FlowComparison
 from pneucli.io.artifacts import TableWriter, schema_of
 from pneucli.messages.compare import Answer, ChannelResult, Commissioned, LackOfFit, ModelAnswer
@@ -57,6 +57,7 @@ from pneucli.stages.answer_parts import (
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.table_rows import write_blocks
 
 UNKNOWN_CONTROLLER = "unknown"
 MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree
@@ -106,7 +107,7 @@ def run(context: Context) -> dict[str, Any]:
         without_pressure=blind or None,
         closed_loop=[] if model is None else [log_answer(one, model) for one in looked.values()],
     )
-    answer: dict[str, Any] = to_json(found)
+    answer = to_answer(found)
     for channel in answer["channels"] if model else ():
         channel.setdefault("free_run", None)
     if model is None:  # rows of a steady bench have neither a restart nor a course
@@ -192,19 +193,12 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flo
 
 
 def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:
-    texts = {name: [getattr(one, name) for one in found for _ in one.lag] for name in ("recording", "use", "channel")}
-    numbers = {name: [np.zeros(0), *(getattr(one, name) for one in found)] for name in ("lag", "correlation")}
-    bounds = [np.zeros(0), *(np.full(one.lag.size, one.bound) for one in found)]
-    study.tables("compare", *_model_inputs(study)).write(
-        "correlation",
-        {
-            **texts,
-            "against": [one.against for one in found for _ in one.lag],
-            **{name: np.concatenate(parts) for name, parts in numbers.items()},
-            "bound": np.concatenate(bounds),
-        },
+    blocks = [(c.recording, c.use, c.channel, c.against, c.lag, c.correlation, c.bound) for c in found]
+    columns, units = (
+        "recording use channel against lag correlation bound",
         {"lag": "s", "correlation": "1", "bound": "1"},
     )
+    write_blocks(study.tables("compare", *_model_inputs(study)), "correlation", columns, blocks, units)
 
 
 def controllers_by_recording(context: Context) -> dict[str, ExportedController]:

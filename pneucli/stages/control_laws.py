@@ -35,6 +35,7 @@ from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
+from pneucli.stages.table_rows import write_blocks
 
 CONTROLLERS_FOLDER = "controllers"  # a file a law
 NO_AREA = frozenset({"demand", "filling"})  # ports of effects behind which the command sets a pressure or a flow
@@ -193,25 +194,16 @@ def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
 
 def write_runs(tables: Tables, name: str, runs: Mapping[tuple[str, str], Run], max_samples: int | None = None) -> None:
     """Write signals of runs by (controller, scenario), of each at most ``max_samples`` samples."""
-    texts: dict[str, list[str]] = {"scenario": [], "controller": []}
-    numbers: dict[str, list[Any]] = {}
+    of_model, of_controller = ([place for place, _ in some.values()] for some in (MODEL_SIGNALS, CONTROLLER_SIGNALS))
+    blocks = []
     for (controller, scenario), one in runs.items():
         s, step = one.scenario, 1 if max_samples is None else -(-one.time.size // max_samples)
-        parts = {"time": one.time, "x_ref": s.reference, "load": s.force, "p_supply": s.supply}
-        if s.controls_pressure:
-            parts["x_ref"] = np.full(one.time.size, np.nan)
-        parts |= {signal: one.model[:, place] for signal, (place, _) in MODEL_SIGNALS.items()}
-        parts |= {signal: one.log[:, place] for signal, (place, _) in CONTROLLER_SIGNALS.items()}
-        for signal, part in parts.items():
-            numbers.setdefault(signal, []).append(part[::step])
-        count = parts["time"][::step].size
-        texts["scenario"] += [scenario] * count
-        texts["controller"] += [controller] * count
-    tables.write(
-        name,
-        {**texts, **{n: np.concatenate(parts) for n, parts in numbers.items()}},
-        {n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"},
-    )
+        reference = np.full(one.time.size, np.nan) if s.controls_pressure else s.reference
+        signals = [one.time, reference, s.force, s.supply, *one.model.T[of_model], *one.log.T[of_controller]]
+        blocks.append((scenario, controller, *(signal[::step] for signal in signals)))
+    columns = ("scenario", "controller", "time", "x_ref", "load", "p_supply", *MODEL_SIGNALS, *CONTROLLER_SIGNALS)
+    units = {n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"}
+    write_blocks(tables, name, " ".join(columns), blocks, units)
 
 
 def unit_from_name(figure: str) -> str:

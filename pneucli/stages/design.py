@@ -54,7 +54,7 @@ from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.design.sliding import axis_systems, unmatched_disturbances
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
 from pneucli.errors import InputError
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.io.artifacts import Tables, read_table, write_text
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import (
@@ -93,7 +93,7 @@ from pneucli.stages.control_laws import (
 )
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_table_rows
+from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 
 @dataclass(frozen=True)
@@ -152,10 +152,7 @@ def run(context: Context) -> dict[str, Any]:
     rigs = None
     if (own := designed.on_ensemble) is not None:
         rigs = ensemble_answer(context, own, chosen, designed.data, setup)
-    answer: dict[str, Any] = to_json(
-        replace(_answer(study, designed, found), margins=margins, gate=held, ensemble=rigs)
-    )
-    return answer
+    return to_answer(replace(_answer(study, designed, found), margins=margins, gate=held, ensemble=rigs))
 
 
 def _require_controllers(designed: DesignResult, names: Sequence[str], context: Context) -> None:
@@ -432,20 +429,13 @@ def _worst(points: Sequence[MarginPoint]) -> WorstMargins:
 
 
 def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
-    indices = [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int)) for c in cuts]
-    columns = {
-        "x": [np.full(k.size, c.x) for c, k in zip(cuts, indices, strict=True)],
-        "speed": [np.full(k.size, c.speed) for c, k in zip(cuts, indices, strict=True)],
-        "frequency": [c.frequency[k] for c, k in zip(cuts, indices, strict=True)],
-        "real": [c.ratio.real[k] for c, k in zip(cuts, indices, strict=True)],
-        "imaginary": [c.ratio.imag[k] for c, k in zip(cuts, indices, strict=True)],
-    }
-    tables.write(
-        "margins",
-        {"loop": [c.loop for c, k in zip(cuts, indices, strict=True) for _ in k]}
-        | {name: np.concatenate([*parts, np.zeros(0)]) for name, parts in columns.items()},
-        {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"},
-    )
+    blocks = [
+        (c.loop, c.x, c.speed, c.frequency[k], c.ratio.real[k], c.ratio.imag[k])
+        for c in cuts
+        for k in [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int))]
+    ]
+    units = {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"}
+    write_blocks(tables, "margins", "loop x speed frequency real imaginary", blocks, units)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pneucli.diagnose.free_run_error import (
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.subsample import MAX_ERROR_SAMPLES, MAX_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
-from pneucli.figure import Figure, to_json
+from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
@@ -122,7 +122,7 @@ def run(context: Context) -> dict[str, Any]:
         since=since,
         changes=changes,
     )
-    answer: dict[str, Any] = to_json(found)
+    answer = to_answer(found)
     return {**answer, **history.record_model(context, answer, SHAPE_FILE)}
 
 

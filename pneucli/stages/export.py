@@ -13,7 +13,7 @@ from pneucli.export import export_files
 from pneucli.export.controller_program import PREFIX, controller_hash
 from pneucli.export.fmu.package import write_fmu
 from pneucli.export.fmu.plant import Interval, plant_of, require_valve
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.io.artifacts import read_table
 from pneucli.messages.export import Answer, ExportedController, PlantAnswer, PrecisionCost
 from pneucli.messages.progress import counted
@@ -52,8 +52,7 @@ def run(context: Context) -> dict[str, Any]:
         model = load_model(context.artifacts / "identify", study.rig, study.effects)
         plant = export_plant(context, study, model)
     files = sorted(path.name for path in context.out.iterdir() if not path.name.startswith("."))
-    answer: dict[str, Any] = to_json(Answer("pneucli/export/1", context.config.name, exported, plant, files))
-    return answer
+    return to_answer(Answer("pneucli/export/1", context.config.name, exported, plant, files))
 
 
 def _export_controller(context: Context, wanted: Sequence[str]) -> ExportedController:

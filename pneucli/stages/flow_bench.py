@@ -11,7 +11,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.compare.channel_errors import channel_result
 from pneucli.errors import InputError
-from pneucli.figure import Figure, named, to_json
+from pneucli.figure import Figure, named, to_answer
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
 from pneucli.identify.valve.flow_path import FlowPath
@@ -73,8 +73,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
         flow=flow,
         uncertainty=budgets_answer(bench.budgets),
     )
-    stated: dict[str, Any] = to_json(answer)
-    return stated
+    return to_answer(answer)
 
 
 def require_recordings_over_time(study: PipelineData) -> None:

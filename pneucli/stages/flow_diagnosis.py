@@ -9,7 +9,7 @@ from typing import Any
 from pneucli.compare import overall_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 from pneucli.errors import InputError
-from pneucli.figure import Figure, read, to_json
+from pneucli.figure import Figure, read, to_answer
 from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
 from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
 from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
@@ -51,7 +51,7 @@ def diagnose_flow_only(study: PipelineData) -> dict[str, Any]:
     found = flow_diagnosis(study)
     assert found is not None
     write_flow_diagnosis(study, found)
-    answer: dict[str, Any] = to_json(found)
+    answer = to_answer(found)
     return answer | history.record_model(context, answer, SHAPE_FILE)
 
 

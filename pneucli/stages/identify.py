@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from pneucli.errors import InputError
-from pneucli.figure import Figure, to_json
+from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Estimate, Fit, without_data
 from pneucli.identify.estimation.intervals import with_intervals
@@ -106,8 +106,7 @@ def run(context: Context) -> dict[str, Any]:
     _write(tables, model, estimates, valves, friction, bench)
     answer = _answer(study, estimates, valves, friction, bench)
     flow_warnings = [one.text for one in (answer.flow.findings if answer.flow else ())]
-    stated: dict[str, Any] = to_json(replace(answer, warnings=[*warnings, *flow_warnings], leaks=leaks))
-    return stated
+    return to_answer(replace(answer, warnings=[*warnings, *flow_warnings], leaks=leaks))
 
 
 def _answer(

@@ -34,7 +34,7 @@ from pneucli.messages.identify import (
     ValveDeviation,
 )
 from pneucli.quantities import Z95
-from pneucli.stages.table_rows import write_table_rows
+from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 Columns = dict[str, NDArray[Any]]
 INTERVAL_COLUMNS = ("ci_low", "ci_high")
@@ -165,19 +165,14 @@ def write_friction(friction: FrictionIdentification, tables: Tables) -> None:
 
 
 def _write_cuts(cuts: Sequence[StickSlip], tables: Tables) -> None:
-    sizes = [c.time.size for c in cuts]
-    if not sum(sizes):
-        return
-    columns: dict[str, Any] = {
-        "recording": [c.recording for c in cuts for _ in range(c.time.size)],
-        "cut": np.repeat(np.arange(len(cuts), dtype=np.float64), sizes),
-        "direction": np.repeat([float(c.direction) for c in cuts], sizes),
-        "time": np.concatenate([c.time for c in cuts]),
-        "speed": np.concatenate([c.speed for c in cuts]),
-        "force": np.concatenate([c.friction for c in cuts]),
-    }
+    blocks = [
+        (c.recording, float(i), float(c.direction), c.time, c.speed, c.friction)
+        for i, c in enumerate(cuts)
+        if c.time.size
+    ]
     units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
-    tables.write("friction_cuts", columns, units)
+    if blocks:
+        write_blocks(tables, "friction_cuts", "recording cut direction time speed force", blocks, units)
 
 
 def _write_averages(friction: FrictionIdentification, tables: Tables) -> None:

@@ -24,7 +24,7 @@ from pneucli.config import (
 )
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.figure import to_json
+from pneucli.figure import to_answer, to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
@@ -95,8 +95,7 @@ def run(context: Context) -> dict[str, Any]:
             writer.add_inputs(about)
     pool_noise_by_sensor(done)
     write_tables(context.out, done, about)
-    answer: dict[str, Any] = to_json(_answer(context, done, absence_notes(config, recordings)))
-    return answer
+    return to_answer(_answer(context, done, absence_notes(config, recordings)))
 
 
 def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
@@ -273,9 +272,13 @@ def _cleaned_batches(cleaner: Cleaner, batches: Iterator[dict[str, Array]]) -> I
 
 
 def _require_usable(one: IngestedRecording) -> None:
-    """Refuse a recording that holds nothing that can be used; every row must be accounted for."""
+    """Refuse a recording that holds nothing that can be used; every row must be accounted for.
+
+    A row with the stamps of several clocks may be several samples.
+    """
     where, lost = str(one.source.path), sum(one.losses.values())
-    if one.rows != one.samples + lost:
+    several = any(signal.clock is not None for signal in one.source.signals.values())
+    if one.rows > one.samples + lost or (one.rows < one.samples + lost and not several):
         raise RuntimeError(f"{where}: {one.rows} rows were read, {one.samples} samples and {lost} losses are known")
     if one.samples < 2:
         kinds = ", ".join(f"{count} {LOSS_MESSAGES[kind]}" for kind, count in one.losses.items() if count)
@@ -304,7 +307,7 @@ def _answer(context: Context, done: list[IngestedRecording], absent: Sequence[st
         schema="pneucli/ingest/1",
         pipeline=context.config.name,
         recordings=[_recording_answer(one) for one in done],
-        left_out=[*(_dropped_rows_message(one) for one in done if one.rows != one.samples), *absent],
+        left_out=[*(_dropped_rows_message(one) for one in done if one.rows > one.samples), *absent],
         repairs=repairs,
         warnings=warnings,
         looks=looks,

@@ -12,7 +12,7 @@ from typing import Literal
 from pneucli.compare.free_run import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.figure import read, to_json
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
@@ -137,10 +137,8 @@ class PipelineData:
     def excluded_effects(self) -> list[str]:
         """The names that ``--exclude`` lists; InputError where one is no effect."""
         names: list[str] = self.context.options.get("exclude", [])
-        for name in names:
-            if name not in self.available_effects:
-                mend = did_you_mean(name, self.available_effects)
-                raise InputError("--exclude", f'no effect "{name}"', "an effect of the catalogue", mend, code="E030")
+        wanted = "an effect of the catalogue"
+        require_known(names, self.available_effects, "--exclude", 'no effect "{}"', wanted, code="E030")
         return names
 
     @cached_property

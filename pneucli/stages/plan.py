@@ -12,9 +12,9 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose.subsample import MAX_SAMPLES
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
@@ -99,8 +99,7 @@ def run(context: Context) -> dict[str, Any]:
     context.progress("power of the plan")
     powers = power_table(basis.expectation, information)
     answer = plan_answer(context, basis, programme, predictions, powers, information)
-    found: dict[str, Any] = to_json(write_plan(answer, programme, predictions, context, basis))
-    return found
+    return to_answer(write_plan(answer, programme, predictions, context, basis))
 
 
 def with_kept_loop(bench: Bench, safety: Safety) -> Bench:
@@ -441,10 +440,7 @@ def diagnosed_pipeline(context: Context) -> Basis:
 
 def _wanted_effects(context: Context, available: Mapping[str, Effect]) -> list[str]:
     wanted: list[str] = context.options.get("effects", [])
-    for name in wanted:
-        if name not in available:
-            mend = did_you_mean(name, available)
-            raise InputError("--effects", f'no effect "{name}"', "effects of the catalogue", mend, code="E030")
+    require_known(wanted, available, "--effects", 'no effect "{}"', "effects of the catalogue", code="E030")
     return wanted
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
 from pneucli.export.replay_check import MAX_DIFFERENCE
-from pneucli.figure import read, to_json
+from pneucli.figure import read, to_answer
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table, write_text
 from pneucli.messages import compare, diagnose
 from pneucli.messages.design import Answer as Design
@@ -76,8 +76,7 @@ def run(context: Context) -> dict[str, Any]:
         checks=[StatedCheck(c.path, not c.failure) for c in checks],
         default_checks=[DefaultCheck(c.path, None if c.skipped else not c.failure, c.value) for c in defaults],
     )
-    answer: dict[str, Any] = to_json(found)
-    return answer
+    return to_answer(found)
 
 
 def _write_tables(context: Context, sections: Sequence[Section]) -> list[str]:

@@ -16,7 +16,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.executors.dask_cluster import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
-from pneucli.figure import to_json
+from pneucli.figure import to_answer
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate
 from pneucli.physics.declaration import Effect
@@ -37,7 +37,7 @@ from pneucli.stages.control_laws import (
 from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_table_rows
+from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
@@ -56,10 +56,7 @@ def run(context: Context) -> dict[str, Any]:
     runs = _open_loop_runs(study)
     _write(study, runs)
     open_loop = [OpenLoop(r.scenario, r.metrics()) for r in runs]
-    answer: dict[str, Any] = to_json(
-        with_closed_loop(study, Answer("pneucli/simulate/1", context.config.name, open_loop))
-    )
-    return answer
+    return to_answer(with_closed_loop(study, Answer("pneucli/simulate/1", context.config.name, open_loop)))
 
 
 def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
@@ -77,21 +74,14 @@ def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
 
 
 def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
-    texts: dict[str, list[str]] = {"scenario": [], "channel": [], "unit": []}
-    numbers: dict[str, list[Any]] = {"time": [], "value": [], "measured": []}
-    for one in runs:
-        for channel, values in {**one.commands, **one.modelled}.items():
-            for name, text in zip(texts, (one.scenario, channel, SIGNALS[channel].unit), strict=True):
-                texts[name] += [text] * values.size
-            measured = one.measured.get(channel, np.full(values.size, np.nan))
-            for name, part in zip(numbers, (one.time, values, measured), strict=True):
-                numbers[name].append(part)
+    blocks = [
+        (one.scenario, channel, SIGNALS[channel].unit, one.time, values, one.measured.get(channel, np.nan))
+        for one in runs
+        for channel, values in {**one.commands, **one.modelled}.items()
+    ]
     tables = study.tables("simulate", "ingest/signals.parquet", "identify/model.parquet")
-    tables.write(
-        "open_loop",
-        {**texts, **{name: np.concatenate([np.zeros(0), *parts]) for name, parts in numbers.items()}},
-        {"time": "s", "value": "see column unit", "measured": "see column unit"},
-    )
+    units = {"time": "s", "value": "see column unit", "measured": "see column unit"}
+    write_blocks(tables, "open_loop", "scenario channel unit time value measured", blocks, units)
 
 
 def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:

@@ -11,7 +11,7 @@ from typing import Any
 from pneucli.compare import ChannelResult
 from pneucli.config import load
 from pneucli.config.effect_edit import replace_file, set_fixed
-from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.errors import InputError, UnitError, did_you_mean, require_known
 from pneucli.io.artifacts import read_table
 from pneucli.pipeline.context import Context
 from pneucli.pipeline.manifest import MANIFEST_FILE, read_answers
@@ -170,11 +170,7 @@ class Bench:
         if action not in ("add", "remove") or not names:
             raise InputError("the workbench", f'no action "{action}"', mend=did_you_mean(action, known), code="E091")
         available = self.live.available_effects if self.live else {}
-        for name in names:
-            if name not in available:
-                raise InputError(
-                    "the workbench", f'no effect "{name}"', mend=did_you_mean(name, available), code="E030"
-                )
+        require_known(names, available, "the workbench", 'no effect "{}"', code="E030")
         return [action, *rest, *names]
 
     def _init_words(self, name: str) -> list[str]:
@@ -295,8 +291,7 @@ class Bench:
 
     def chapter(self, name: str) -> list[dict[str, str]]:
         """Return the figures of a chapter of the report: maps of the residual, the valve map, or friction."""
-        if name not in CHAPTERS:
-            raise InputError("the workbench", f'no chapter "{name}"', mend=did_you_mean(name, CHAPTERS), code="E091")
+        require_known([name], CHAPTERS, "the workbench", 'no chapter "{}"', code="E091")
         pipeline = self.open_pipeline()
         config = pipeline.load(pipeline.path)
         with axis_motion(rotary=config.rotary):
@@ -308,8 +303,7 @@ class Bench:
     def effect(self, name: str) -> dict[str, str]:
         """Return what the catalogue says of an effect, with its picture."""
         available = self.live.available_effects if self.live else {}
-        if name not in available:
-            raise InputError("the catalogue", f'no effect "{name}"', mend=did_you_mean(name, available), code="E030")
+        require_known([name], available, "the catalogue", 'no effect "{}"', code="E030")
         one = available[name]
         texts = {"title": one.title, "looks_like": one.looks_like, "separate": one.separate, "source": one.source}
         try:

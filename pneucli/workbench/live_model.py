@@ -17,7 +17,7 @@ from pneucli.arrays import Array
 from pneucli.compare import ChannelResult, Comparison, compare
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters
 from pneucli.identify.residuals import residual_models
 from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
@@ -120,10 +120,7 @@ class LiveModel:
 
     def experiment(self, name: str) -> Experiment:
         """Return a recording made ready; InputError where there is none of that name over time."""
-        if name not in self.experiments:
-            raise InputError(
-                "the workbench", f'no recording "{name}"', mend=did_you_mean(name, self.experiments), code="E091"
-            )
+        require_known([name], self.experiments, "the workbench", 'no recording "{}"', code="E091")
         return self.experiments[name]
 
     def variant(self, wanted: Variant, recording: str) -> Model:

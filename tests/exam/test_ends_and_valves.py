@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneucli.exam.cases import draw_variant, generate_case
+from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.laboratory import Laboratory
 from pneucli.exam.rig.excitations import closed_loop, valve_step
@@ -15,7 +15,7 @@ from pneucli.exam.rig.kernel import end_stop_force
 from pneucli.exam.rig.parameters import FIVE_THREE, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
-from tests.exam.written import columns, rows
+from tests.exam.written import rows
 
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)
@@ -158,41 +158,6 @@ def test_a_loop_around_both_chambers_follows_its_reference(arrangement):
     assert seen["x"][-1] == pytest.approx(0.14, abs=8e-3)
 
 
-TABLES = {
-    "5/3": {"arrangement": "5/3"},
-    "5/3-5V": {"arrangement": "5/3", "null": "5 V"},
-    "5/3-null": {"arrangement": "5/3", "null": "identify"},
-    "two-valves": {"arrangement": "two"},
-    "switching": {"arrangement": "one-chamber", "kind": "switching"},
-    "5/3+switching": {"arrangement": "5/3", "kind": "switching"},
-}
-
-
-@pytest.mark.parametrize("name", TABLES)
-@pytest.mark.usefixtures("a_quarter")
-def test_the_pipeline_file_states_the_arrangement(tmp_path, name):
-    truth = generate_case(tmp_path / "case", "axis", [], "", 1.0, 4, parse(name))
-    pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
-    assert pipeline["rig"]["valve"] == TABLES[name]
-    axis = [r for r in pipeline["recordings"] if r["experiment"] == "axis"]
-    both = TABLES[name]["arrangement"] != "one-chamber"
-    assert {r["chamber_2"] for r in axis} == {"valve" if both else "closed"}
-    assert any(r.get("chamber") == 2 for r in pipeline["recordings"]) == both
-    assert ("u2" in pipeline["signals"]) == (name == "two-valves")
-    table = columns(tmp_path / "case" / axis[0]["file"])
-    assert (
-        0.2 < np.ptp(table["U_valve_[V]"]) / {"5/3-5V": 10, "5/3-null": 10}.get(name, 48 if "sw" in name else 20) <= 1
-    )
-    if name == "5/3-null":
-        assert 0.0 < abs(truth["base"]["null_V"] - 5.0) < 0.2
-
-
-@pytest.mark.usefixtures("a_quarter")
-def test_the_usual_arrangement_is_not_in_the_pipeline_file(tmp_path):
-    generate_case(tmp_path / "case", "axis", [], "", 1.0, 4)
-    assert "valve" not in tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())["rig"]
-
-
 @pytest.mark.usefixtures("a_quarter")
 def test_springs_and_weights_are_in_the_pipeline_file_and_balanced_at_the_start(tmp_path):
     for name, effect in (("return-spring", "spring-force"), ("hanging-load", "constant-force")):
@@ -202,22 +167,6 @@ def test_springs_and_weights_are_in_the_pipeline_file_and_balanced_at_the_start(
         table = rows(tmp_path / name / "raw" / "axis_1.csv")
         assert np.ptp(table[:5, 5]) < 0.01  # mm: it does not fall
     assert not parse("return-spring").allows("spring-force")
-
-
-def test_a_weight_pulls_to_either_side_but_never_outward_where_an_open_chamber_would_have_to_hold_it():
-    sides = {
-        kind: {
-            np.sign(draw_variant(Parameters(), kind, parse("hanging-load"), np.random.default_rng(k))[0].constant_force)
-            for k in range(12)
-        }
-        for kind in ("friction", "axis")
-    }
-    assert sides == {"friction": {1.0}, "axis": {-1.0, 1.0}}
-
-
-def test_the_vessel_of_a_valve_test_stands_at_the_valve():
-    hosed = Laboratory("rig", Parameters(line_delay_1=1e-3, line_delay_2=2e-3), Sensors(), vessel_volume=1e-4)
-    assert [(b.line_delay_1, b.line_delay_2) for b in map(hosed.valve_test_rig, (1, 2))] == 2 * [(0.0, 0.0)]
 
 
 @pytest.mark.parametrize(("name", "least"), [("ends", 0.2), ("5/3+ends", 0.2), ("return-spring+ends", 0.4)])

@@ -40,33 +40,3 @@ def test_an_effect_is_visible_at_full_size_and_not_at_almost_none(effect):
         if not effect.inverse:
             tiny = change(recorded(effect.apply(par, 1e-9, np.random.default_rng(2)), kind), without)
             assert tiny < 0.5, kind
-
-
-@pytest.mark.parametrize("effect", SCALED, ids=lambda e: e.name)
-def test_a_third_of_the_size_is_a_third_of_the_way_from_null(effect):
-    par = Parameters()
-    full, third = (effect.apply(par, size, np.random.default_rng(3)) for size in (1.0, 1 / 3))
-    for field, value in effect.null_values.items():
-        null = par.coulomb if field == "static" else value
-        there, here = getattr(full, field), getattr(third, field)
-        if effect.inverse:
-            assert here == pytest.approx(3 * there)
-        else:
-            assert here - null == pytest.approx((there - null) / 3)
-
-
-def test_where_friction_falls_with_speed_hysteresis_may_lose_no_more_than_the_rise():
-    hysteresis = next(e for e in CATALOGUE if e.name == "friction-hysteresis")
-    par = Parameters(coulomb=12.0, static=20.0)
-    drops = [hysteresis.apply(par, 1.0, np.random.default_rng(seed)).drop for seed in range(40)]
-    assert 10 <= drops.count(0.0) <= 30
-    assert all(drop == 0.0 or 0.3 < drop < 0.6 for drop in drops)
-    plain = [hysteresis.apply(Parameters(), 1.0, np.random.default_rng(seed)).drop for seed in range(10)]
-    assert min(plain) > 0.3
-
-
-def test_half_of_the_rigs_with_hysteresis_lose_viscous_friction_as_well():
-    hysteresis = next(e for e in CATALOGUE if e.name == "friction-hysteresis")
-    drops = [hysteresis.apply(Parameters(), 1.0, np.random.default_rng(seed)).viscous_drop for seed in range(40)]
-    assert 10 <= drops.count(0.0) <= 30
-    assert all(drop == 0.0 or 0.3 <= drop <= 0.5 for drop in drops)

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.exam.cases import draw_stated_rig, generate_case
+from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.hidden_effects import ALL_BY_NAME, SIDES
 from pneucli.exam.rig.gas import GAS_CONSTANT
 from pneucli.exam.rig.hose import EXPONENT, SPEED_OF_SOUND
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
@@ -34,22 +33,6 @@ def case(folder: Path, kind: str, name: str, hidden: tuple[str, ...] = ()) -> tu
 # --- gas and valve
 
 
-def test_a_user_knows_that_walls_and_a_critical_ratio_count_and_not_how_much(tmp_path: Path) -> None:
-    truth, said = case(tmp_path / "case", "valve", "wall-heat+free-b")
-    assert said["model"]["effects"] == ["heat-transfer", "critical-ratio"]
-    known = truth["baseline_parameters"]
-    assert 0.15 <= known["critical-ratio"]["critical_ratio"] <= 0.5
-    volume = float(said["rig"]["vessel"]["volume"].split()[0]) * 1e-6
-    can = 1.5 * np.pi * (4 * volume / np.pi) ** (2 / 3)  # as long as it is wide
-    assert 20.0 <= known["heat-transfer"]["conductance"] / can <= 60.0
-
-
-def test_the_walls_of_a_cylinder_have_no_one_conductance(tmp_path: Path) -> None:
-    truth, said = case(tmp_path / "case", "axis", "wall-heat")
-    assert "heat-transfer" in said["model"]["effects"]
-    assert "heat-transfer" not in truth["baseline_parameters"]
-
-
 def test_gas_between_walls_is_neither_isothermal_nor_adiabatic() -> None:
     """After a fast charge the pressure falls by the cooling of the gas, less than from adiabatic to isothermal."""
     charge = Excitation(np.repeat([10.0, 0.0], [150, 2000]), pressure_1=PAR.ambient)
@@ -64,31 +47,7 @@ def test_gas_between_walls_is_neither_isothermal_nor_adiabatic() -> None:
     assert walls["temperature"][-1] < walls["temperature"][150] - 10.0
 
 
-def test_without_a_bench_the_pipeline_has_no_vessel_and_moves_from_point_to_point(tmp_path: Path) -> None:
-    _, said = case(tmp_path / "case", "axis", "no-bench-test")
-    assert "vessel" not in said["rig"]
-    assert "valve" not in said["model"]
-    assert {r["experiment"] for r in said["recordings"]} == {"axis"}
-    assert [r["use"] for r in said["recordings"]] == [*["train"] * 3, "test", "train", "train", "test"]
-    x = columns(tmp_path / "case" / "raw" / "moves_1.csv")["Pos_[mm]"]
-    assert 10.0 < x.min() < 90.0
-    assert 110.0 < x.max() < 190.0
-
-
 # --- either side
-
-
-@pytest.mark.parametrize("name", [name for names in SIDES.values() for name in names if ":" in name])
-def test_an_effect_at_a_side_has_the_parameters_of_its_effect_and_fields_of_its_own(name: str) -> None:
-    declared, side = name.split(":")
-    one, other = (ALL_BY_NAME[n].apply(PAR, 1.0, np.random.default_rng(3)) for n in (declared, name))
-    assert ALL_BY_NAME[name].true_parameters(other) == ALL_BY_NAME[declared].true_parameters(one)
-    changed = {field for field in Parameters._fields if getattr(other, field) != getattr(PAR, field)}
-    assert changed
-    assert all(field.endswith(f"_{side}") for field in changed)
-    assert ALL_BY_NAME[name].apply(PAR, 0.0, np.random.default_rng(3))._replace(
-        relief_pressure_2=0.0
-    ) == PAR  # fmt: skip
 
 
 def test_the_sensor_of_a_side_errs_alone() -> None:
@@ -161,29 +120,6 @@ def test_a_regulator_gives_what_is_asked_less_a_droop_and_a_pump_what_its_speed_
     assert np.all(seen["p_supply"] == pump.ambient)
 
 
-@pytest.mark.parametrize("name", ["regulated-valve", "pump"])
-def test_a_bench_of_such_a_source_has_steady_rows_without_a_clock(tmp_path: Path, name: str) -> None:
-    truth, said = case(tmp_path / "case", "axis", name)
-    rows = said["recordings"][0]
-    assert (rows["experiment"], rows["take"]) == ("flow", ["u", "p_supply", "p1", "flow"])
-    assert (tmp_path / "case" / "raw" / "steady_rows.csv").read_text().splitlines()[2] == (
-        "U_valve [V],P_supply [bar],P1 [bar],Q [l/min ANR]"
-    )
-    assert (truth["command_sets_area"], truth["unexplained_is_right"]) == (False, True)
-    if name == "pump":
-        assert "supply_pressure" not in said["rig"]
-        assert set(said["model"]["parameters"]) == {"rig.supply_pressure"}
-
-
-def test_a_stated_pressure_valve_has_its_kind_and_a_null_at_ambient_pressure(tmp_path: Path) -> None:
-    _, said = case(tmp_path / "case", "valve", "pressure-valve")
-    assert said["rig"]["valve"] == {"null": "0 V", "kind": "pressure"}
-    assert said["model"]["effects"] == ["valve-lag"]
-    assert "source" not in said["rig"]
-    drawn = draw_stated_rig("valve", [], parse("pressure-valve"), np.random.default_rng(1), np.random.default_rng(2))
-    assert drawn[1].overlap == 0.0  # which the file would have to name, and an effect would
-
-
 def test_an_ejector_evacuates_the_vessel_and_ambient_air_fills_it(tmp_path: Path) -> None:
     """Its suction is proportional to the pressure above its end vacuum, before a vessel of 10 l."""
     truth, said = case(tmp_path / "case", "valve", "ejector")
@@ -198,18 +134,6 @@ def test_an_ejector_evacuates_the_vessel_and_ambient_air_fills_it(tmp_path: Path
     removed = (par.ambient - seen["p1"][1499]) * par.dead_volume_1  # at constant temperature, per kappa R T
     settled = par.supply + removed / 1e-2  # before the ejector has removed any of it
     assert par.supply < seen["p_supply"][1499] < settled
-
-
-def test_a_stated_pump_is_told_with_its_effect_or_hides_it(tmp_path: Path) -> None:
-    for kind in ("valve", "axis"):
-        truth, said = case(tmp_path / kind, kind, "stated-pump")
-        assert (said["rig"]["source"]["kind"], said["model"]["effects"][-1]) == ("pump", "pump-flow")
-        assert all(recording["experiment"] != "flow" for recording in said["recordings"])
-        assert not truth["unexplained_is_right"]
-    hidden = draw_stated_rig(
-        "valve", ["pump-flow"], parse("stated-pump"), np.random.default_rng(1), np.random.default_rng(2)
-    )
-    assert "pump-flow" not in hidden[2]
 
 
 def test_what_the_answer_says_of_stated_effects_and_of_the_command_is_graded() -> None:
@@ -269,9 +193,3 @@ def test_a_stated_volume_contains_the_hose() -> None:
     rig = VESSEL._replace(effective_area=1e-6, dead_volume_1=5e-4)
     plain, behind = (simulate_rig(one, charge)["p1"] for one in (rig, rig._replace(line_delay=0.005, hose_bore=6e-3)))
     assert behind[-1] == pytest.approx(plain[-1], rel=0.02)
-
-
-def test_a_user_knows_that_there_is_a_hose_and_not_how_long(tmp_path: Path) -> None:
-    truth, said = case(tmp_path / "case", "axis", "hose")
-    assert "line-delay" in said["model"]["effects"]
-    assert 0.0015 <= truth["baseline_parameters"]["line-delay"]["delay"] <= 0.009

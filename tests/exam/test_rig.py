@@ -211,13 +211,6 @@ def test_a_rig_of_another_pressure_moves_so_in_thicker_air():
         assert np.mean(np.abs(other - usual)) < 5e-5 * np.ptp(usual), name
 
 
-def test_a_patch_of_friction_lies_at_the_same_share_of_the_stroke():
-    par = Parameters(position_from=0.05, position_to=0.1)
-    other = RigScaling.for_target(par, 0.1, None).scale_rig(par)
-    shares = [other.position_from / other.stroke, other.position_to / other.stroke]
-    assert shares == pytest.approx([0.25, 0.5])
-
-
 @pytest.mark.parametrize("bore", [0.006, 0.2])
 def test_a_hose_of_a_small_rig_leaves_as_large_a_part_of_the_dead_volume(bore):
     """A hose that held more than the dead volume would leave a chamber of less than nothing."""
@@ -301,17 +294,6 @@ def test_friction_that_grows_with_pressure_and_a_regulator_that_gives_way_show_i
     swung = simulate_imposed_motion(PAR, MotionMachine((0.04, 0.08), (0.01,), 2, PAR.ambient + 3e5, swing=0.01), 1000.0)
     assert swung["p1"].max() - PAR.ambient == pytest.approx(3.03e5, rel=1e-3)
     assert swung["p1"][np.argmax(swung["x"])] < swung["p1"][0]
-
-
-def test_an_imposed_case_says_so_and_holds_out_a_pressure_between_the_others(tmp_path: Path) -> None:
-    truth = generate_case(tmp_path / "case", "friction", ["pressure-friction"], "", 1.0, 5, parse("imposed"))
-    pipeline = tomllib.loads((tmp_path / "case" / "pipeline.toml").read_text())
-    assert [r["imposed"] for r in pipeline["recordings"]] == ["motion"] * 4
-    assert [r["use"] for r in pipeline["recordings"]] == ["train"] * 3 + ["test"]
-    assert set(pipeline["signals"]) == {"time", "p1", "x", "force"}
-    levels = [np.median(rows(tmp_path / "case" / r["file"])[:, 1]) for r in pipeline["recordings"]]
-    assert levels[1] < levels[3] < levels[2]
-    assert truth["conditions"] == ["imposed"]
 
 
 @pytest.mark.parametrize("seed", range(4))

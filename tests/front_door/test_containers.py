@@ -362,7 +362,7 @@ def archive_of_two(folder: Path) -> Path:
 
 def test_every_readable_member_of_a_zip_is_a_recording(tmp_path: Path) -> None:
     answer = init.create(tmp_path / "p", [archive_of_two(tmp_path)])
-    assert answer.left_out == ["notes.md: no table of numbers"]
+    assert answer.left_out == ["notes.md: no table of numbers, but 'who, when'"]
     pipeline = tmp_path / "p" / "pipeline.toml"
     text = pipeline.read_text(encoding="utf-8")
     assert 'file = "../a.zip/step_1.csv"' in text

@@ -1,16 +1,20 @@
 """What recordings of strangers hold: each is read right, doubted, or refused in words."""
 
+import re
+from datetime import timedelta
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.init.survey import survey_file
 from pneucli.io.raw_file import RawFile
 from pneucli.messages.init import Answer
-from pneucli.stages import init
+from pneucli.pipeline.context import Context
+from pneucli.stages import ingest, init
 
 T = np.arange(600) / 100
 P = 1.0 + 2.0 * np.sin(T) ** 2
@@ -27,7 +31,7 @@ def looked_at(folder: Path, text: str, name: str = "a.csv") -> Answer:
     return init.create(folder / "rig", [folder / name])
 
 
-def roles(answer: Answer) -> dict[str, str]:
+def roles(answer: Answer) -> dict[str, str | int]:
     return {one.signal: one.column for one in answer.columns if one.signal}
 
 
@@ -56,6 +60,10 @@ NAMED = {  # text, and what its columns are taken for
     "a quantity that steps in a unit of its own": (
         "t [s],p1 [bar],Gs [kg/m2s]\n" + rows(T, P, 40 + ON),
         {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "a lamp beside nothing that it may move": (
+        "t [s],LED,Signal\n" + rows(T, ON, P),
+        {"time": "t [s]"},
     ),
     "a speed of a motor": (
         "t [s],p1 [bar],rpm\n" + rows(T, P, 1500 + T),
@@ -148,6 +156,18 @@ REFUSED = {
         ",".join(map(str, np.arange(2000) / 7)) + "\n" + ",".join(map(str, np.arange(2000) / 3)) + "\n",
         "2000 columns, and a channel in each line",
     ),
+    "two samples of many channels": (
+        ",".join(map(str, np.arange(100) / 7)) + "\n" + ",".join(map(str, np.arange(100) / 3)) + "\n",
+        "100 columns, and a channel in each line",
+    ),
+    "a line for each reading": (
+        "".join(f"Temperature: {20 + p:.2f} C\nPressure: {p:.3f} bar\n\n" for p in P),
+        "a line for each reading: Temperature, Pressure",
+    ),
+    "a program": (
+        "count : UDINT;\nbegin\ncount := start;\nend\n",
+        r"no table of numbers, but 'count : UDINT;'",
+    ),
     "a log of sentences": (
         "".join(f"2026-03-24 11:2{n % 10}:0{n % 7} [INFO]:{' word' * (n // 4 % 5)}\n" for n in range(90)),
         "no table of numbers",
@@ -186,3 +206,68 @@ def test_a_group_that_is_called_after_its_rate_has_a_clock(tmp_path: Path) -> No
         file["Data (100.000000 Hz)/p_tank [bar]"], file["Data (100.000000 Hz)/valve [V]"] = P, ON
     answer = init.create(tmp_path / "rig", [tmp_path / "a.h5"])
     assert 'time = { expression = "row / 100" }' in Path(answer.pipeline).read_text(encoding="utf-8")
+
+
+def test_rows_that_are_counted_beside_a_clock_tell_no_unit_and_leave_it_to_people(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, ",0,1\n" + rows(range(600), np.arange(600.0), P))
+    assert note(answer, "time").startswith("CHECK no unit is stated")
+    answer = looked_at(tmp_path / "two", rows(range(600), T, P))
+    assert roles(answer)["time"] == 2
+
+
+def test_the_abscissa_of_labview_is_the_clock_whatever_rises_beside_it(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "X_Value\tp1 [bar]\tSecond [s]\n" + rows(T, P, T, mark="\t"))
+    assert roles(answer) == {"time": "X_Value", "p1": "p1 [bar]"}
+
+
+def test_an_angle_that_goes_on_evenly_is_no_clock(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "曲轴转角,缸压力 [bar]\n" + rows(np.arange(600) / 10 - 30, P))
+    assert roles(answer) == {"p1": "缸压力 [bar]", "x": "曲轴转角"}
+
+
+def test_pressures_without_units_are_in_one(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],p1,p2\n" + rows(T, 110 + P, 40 + P))
+    assert {one.unit.split()[0] for one in answer.columns if one.signal.startswith("p")} == {"kPa"}
+
+
+def test_a_command_that_is_logged_on_change_is_one(tmp_path: Path) -> None:
+    changed = {0: 3, 20: 5, 100: 7, 130: 3, 210: 9, 290: 4, 330: 6, 480: 5, 560: 8}
+    level = [changed.get(n, "") for n in range(600)]
+    answer = looked_at(tmp_path, "t [s],XV-1 [V],p1 [bar]\n" + rows(T, level, P))
+    assert roles(answer)["u"] == "XV-1 [V]"
+
+
+def test_rows_may_end_in_a_tab_and_begin_with_blanks(tmp_path: Path) -> None:
+    lines = "".join(f"   {t:.2f}\t  {p:.4f}\t{u}\t\n" for t, p, u in zip(T, P, ON, strict=True))
+    assert roles(looked_at(tmp_path, lines, "a.dat"))["time"] == 1
+
+
+LOGGED = {  # a log of a program: JSON behind stamps, or behind words
+    "stamps": ("2026-03-11 09:15:{t:06.3f} INFO {{", {"time": 1, "p1": "p1_bar", "u": "u"}),
+    "words": ('INFO data {{"t": {t:.2f}, ', {"time": "t", "p1": "p1_bar", "u": "u"}),
+}
+
+
+@pytest.mark.parametrize("way", LOGGED)
+def test_objects_of_json_in_the_lines_of_a_log_are_rows(way: str, tmp_path: Path) -> None:
+    begin, wanted = LOGGED[way]
+    text = "".join(begin.format(t=t) + f'"p1_bar": {p:.4f}, "u": {u}}}\n' for t, p, u in zip(T, P, ON, strict=True))
+    assert roles(looked_at(tmp_path, text, "a.log")) == wanted
+
+
+@pytest.mark.parametrize("start", [86_395, 3 * 86_395])
+def test_durations_as_python_writes_them_pass_a_day(start: int, tmp_path: Path) -> None:
+    stamps = [f'"{timedelta(seconds=start + float(t))}"' for t in T]
+    (tmp_path / "a.csv").write_text("time,p1 [bar]\n" + rows(stamps, P), encoding="utf-8")
+    time = survey_file(RawFile(tmp_path / "a.csv", {})).columns[0].values
+    np.testing.assert_allclose(time - time[0], T, atol=1e-6)
+
+
+def test_a_row_with_stamps_of_two_clocks_is_two_samples(tmp_path: Path) -> None:
+    few = np.arange(20)
+    text = "Time (s),p1 (bar),Time (v) (s),v (m/s)\n" + rows(few, P[:20], few**1.1 + 0.5, np.sin(few))
+    pipeline = Path(looked_at(tmp_path, text).pipeline)
+    pipeline.write_text(re.sub(r'"\? (\S+)"', r'"8 \1"', pipeline.read_text(encoding="utf-8")), encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    found = ingest.run(Context(pipeline, load(pipeline), tmp_path / "out", tmp_path))
+    assert [one["samples"] for one in found["recordings"]] == [40]

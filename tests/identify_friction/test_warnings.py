@@ -11,14 +11,15 @@ from pneucli.figure import Figure
 from pneucli.identify.friction import identification
 from pneucli.identify.friction.identification import level_warnings, model_a_warnings
 from pneucli.identify.friction.regression import UNITS, FrictionFit
+from pneucli.identify.friction.samples import MovingSamples
 from pneucli.messages.findings import Finding
 from pneucli.quantities import Z95
 from pneucli.recording import Recording
-from tests.identify_friction.test_pieces import samples
 
 NAMES = ("coulomb", "viscous", "static", "velocity", "offset")
 USUAL = {"coulomb": 12.0, "viscous": 40.0, "static": 20.0, "velocity": 0.02, "offset": 0.0}
-FAST = samples([0.1, -0.1], [16.0, -16.0])
+SPEED, FORCE = np.array([0.1, -0.1]), np.array([16.0, -16.0])
+FAST = MovingSamples(SPEED, 0.0 * SPEED, FORCE, FORCE, np.ones(2), np.ones(2, np.int8), np.arange(2))
 NONE: dict[Any, tuple[str, ...]] = {"A": ()}
 
 

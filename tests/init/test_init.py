@@ -447,7 +447,7 @@ def test_files_of_one_signal_each_are_one_recording(tmp_path: Path, same: bool) 
         write(tmp_path / f"{name}.csv", {"t [s]": T[some], "value" if same else name: values[some]})
     (tmp_path / "notes.md").write_text("no numbers\n", encoding="utf-8")
     answer = init.create(tmp_path / "rig", [tmp_path])
-    assert answer.left_out == ["notes.md: no table of numbers"]
+    assert answer.left_out == ["notes.md: no table of numbers, but 'no numbers'"]
     path = Path(answer.pipeline)
     path.write_text(path.read_text(encoding="utf-8").replace('"? cm^2"', '"5 cm^2"'), encoding="utf-8")
     out = tmp_path / "out"

@@ -1,12 +1,11 @@
 """The mutants themselves: seeded, meaningful, tried against the right tests, and never left behind."""
 
 import ast
-import random
 from pathlib import Path
 
 import pytest
 
-from tests.mutants.places import Mutant, places, sample, shares
+from tests.mutants.places import Mutant, sample
 from tests.mutants.run import BUDGET, ROOT, Contexts, mutated
 
 SOURCE = '''"""Words."""
@@ -52,26 +51,6 @@ def test_a_mutant_is_python_that_differs_in_what_is_run(tree: Path) -> None:
         assert "Array =" not in before
         assert "__all__" not in before
         assert "Words" not in before
-
-
-def test_a_mutant_states_the_lines_of_its_statement(tree: Path) -> None:
-    for mutant in drawn(tree, 1000, 1):
-        changed = [
-            k for k, (a, b) in enumerate(zip(SOURCE.splitlines(), mutant.text.splitlines(), strict=False), 1) if a != b
-        ]
-        assert changed[0] in mutant.lines
-
-
-def test_places_are_drawn_alike_however_many_faults_each_allows(tree: Path) -> None:
-    assert len(drawn(tree, 1000, 1)) <= len(list(places(tree, "code")))
-    rng = random.Random(1)
-    assert all(place.mutant(rng) is None or len(place.instead) >= 1 for place in places(tree, "code"))
-
-
-def test_packages_share_the_number_by_their_lines(tree: Path) -> None:
-    (tree / "more").mkdir()
-    (tree / "more" / "long.py").write_text(SOURCE * 3)
-    assert shares(tree, ("code", "more"), 100) == {"code": 25, "more": 75}
 
 
 def known(seconds: dict[str, float], lines: dict[str, dict[str, list[str]]], **shares: list[str]) -> Contexts:

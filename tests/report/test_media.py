@@ -14,7 +14,6 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.wait import WebDriverWait
 
-from pneucli.report.page import _asset
 from tests.report.test_browser import PLOTS, chromium, limits, pytestmark  # noqa: F401 - a fixture, and marks
 
 PRINTED = """
@@ -103,7 +102,8 @@ def over(colour: str, ground: str) -> str:
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_has_a_contrast_of_four_and_a_half(scheme: str) -> None:
-    light, dark = str(_asset("page.css")).split("@media screen and (prefers-color-scheme: dark)")
+    style = files("pneucli.report").joinpath("assets", "page.css").read_text(encoding="utf-8")
+    light, dark = style.split("@media screen and (prefers-color-scheme: dark)")
     colours = dict(re.findall(r"--([\w-]+): (#\w+)", light))
     if scheme == "dark":
         colours |= dict(re.findall(r"--([\w-]+): (#\w+)", dark.partition("\n}")[0]))

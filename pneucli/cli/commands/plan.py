@@ -9,7 +9,7 @@ import typer
 
 from pneucli.cli.command import Command, HowToRun, run_stage
 from pneucli.cli.options import File
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 
 HELP = "The next experiment: varied manoeuvres within the limits of the rig, as files to run, and what they would show."
 TARGETS = ("csv", "st", "c")
@@ -74,9 +74,7 @@ def _plan(
 def _options(minutes: float | None, effects: str | None, to: str) -> dict[str, Any]:
     """Return the options of the stage; raises InputError before anything runs."""
     targets = _names(to)
-    for name in targets:
-        if name not in TARGETS:
-            raise InputError("--to", f'"{name}"', "csv, st or c", did_you_mean(name, TARGETS), code="E031")
+    require_known(targets, TARGETS, "--to", wanted="csv, st or c", code="E031")
     options: dict[str, Any] = {} if minutes is None else {"minutes": minutes}
     options |= {"effects": _names(effects)} if effects else {}
     players = sorted(set(targets) - {"csv"})

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from pneucli.cli.command import Command, HowToRun
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.figure import read
 from pneucli.messages import labelled, table
 from pneucli.messages.compare import Answer, evaluation_error
@@ -139,16 +139,11 @@ def shown_channels(compared: Answer, recording: str | None, channels: Sequence[s
     """
     name = worst_recording(compared) if recording is None else recording
     rows = [row for row in compared.channels if row.recording == name]
-    _require("recording", str(name), {row.recording for row in compared.channels})
-    for channel in channels or ():
-        _require("channel", channel, {row.channel for row in rows})
+    found, recordings = '"{}" was not compared', {row.recording for row in compared.channels}
+    require_known([str(name)], recordings, "plot, recording", found, code="E091")
+    require_known(channels or (), {row.channel for row in rows}, "plot, channel", found, code="E091")
     shown = [Channel(*(getattr(row, key) for key in SHOWN)) for row in rows if not channels or row.channel in channels]
     return Plot("pneucli/plot/1", compared.pipeline, str(name), rows[0].use, shown)
-
-
-def _require(kind: str, name: str, known: set[str]) -> None:
-    if name not in known:
-        raise InputError(f"plot, {kind}", f'"{name}" was not compared', mend=did_you_mean(name, known), code="E091")
 
 
 def worst_recording(compared: Answer) -> str | None:

@@ -9,7 +9,7 @@ import typer
 from pneucli.cli.command import Command, HowToRun
 from pneucli.cli.commands.add import change_effects
 from pneucli.cli.options import File
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import require_known
 
 HELP = "Remove effects from [model], identify anew, show the error before and after."
 Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
@@ -23,11 +23,7 @@ def _remove(
     from pneucli.config import load
 
     present = load(pipeline).model.effects
-    for effect in effects:
-        if effect not in present:
-            raise InputError(
-                f"{pipeline}, [model] effects", f'no "{effect}" there', mend=did_you_mean(effect, present), code="E030"
-            )
+    require_known(effects, present, f"{pipeline}, [model] effects", 'no "{}" there', code="E030")
     change_effects(pipeline, [effect for effect in present if effect not in effects], how)
 
 

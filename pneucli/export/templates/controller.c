@@ -90,7 +90,7 @@ void pneucli_controller_step(pneucli_controller *c, @REAL@ x_ref, @REAL@ x, @REA
     } else if (!run_commissioning(x, p1, p2, s, n)) {
         @STEP@(active_reference(x_ref, x, p1, p2, s, n), x, p1, p2, s, n);
         finish_commands(s, n);
-        watch_limit_cycle(s, n);
+        watch_limit_cycle(x, s, n);
     }
     u[0] = s[S_U1];
     u[1] = s[S_U2];

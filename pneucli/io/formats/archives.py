@@ -28,11 +28,6 @@ def _stream(opened: Callable[[Path], Any]) -> Callable[[Path, Path], Path]:
     return unpack
 
 
-def _is_archive(head: bytes, path: Path) -> bool:
-    """Return whether a file is a zip archive, or a path leads into one."""
-    return head.startswith(ZIP_MAGIC) or paths.archive_and_member(path) is not None
-
-
 def members(path: Path) -> list[Path]:
     """Return the members of a zip archive that may be recordings, as paths into it; none of any other file."""
     return [path / name for name in paths.member_names(path) if not _is_note(name)]
@@ -78,7 +73,8 @@ XZ = Format("xz", magic=(b"\xfd7zXZ\x00",), unpack=_stream(lzma.open))
 ZIP = Format(
     "zip",
     "`.zip`",
-    recognises=_is_archive,
+    magic=(ZIP_MAGIC,),
+    recognises=lambda _, path: paths.archive_and_member(path) is not None,
     unpack=_extract,
     column='what is inside; `"runs.zip/*.csv"` makes each member a recording',
     place=1,  # workbooks and arrays are zip archives, too

@@ -25,7 +25,7 @@ from pneucli.io.column_reader import (
 )
 from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
-from pneucli.io.formats.matlab import LABELS, NUMBERS, SAVE_AS_STRUCT
+from pneucli.io.formats.matlab import LABELS, NUMBERS, only_objects
 from pneucli.io.raw_file import ColumnValues
 
 _NO_NUMBERS = ("char", "cell", "string", "function_handle", "struct")
@@ -194,8 +194,7 @@ def open_hdf5(path: Path) -> ColumnReader:
                 sizes |= {column: max(file[place.dataset].shape) for column, place in found.items()}
             owner |= _rates(name, node)
     if objects and not owner:
-        found_there = f'"{objects[0]}": an object of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads'
-        raise InputError(str(path), found_there, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
+        raise only_objects(path, objects)
     if foreign and not owner:
         found_there = f'"{foreign[0]}": a type that NumPy lacks, such as the times of PyTables (Time64Col)'
         raise InputError(str(path), found_there, "numbers", "store the times as Float64Col", code="E041")

@@ -121,6 +121,7 @@ def _expanded_bytes(whole: mmap.mmap, begin: int, end: int) -> int:
 
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
 _OBJECTS = ("opaque", "object", "function")
+ALL = range(1 << 20)  # variables
 SAVE_AS_STRUCT = (
     "save what it holds as vectors: s.t = ts.Time; s.p1 = ts.Data; save('run.mat', '-struct', 's') "
     "(of a timetable: s = table2struct(timetable2table(tt), 'ToScalar', true); of logsout: each getElement(k).Values)"
@@ -132,12 +133,7 @@ def open_mat(path: Path) -> ColumnReader:
 
     Raises InputError where the file holds nothing but objects of MATLAB, which only MATLAB reads.
     """
-    from scipy.io import whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
-
-    try:
-        variables = whosmat(path)
-    except TypeError:  # SciPy asks an object for its shape, which it has not read
-        variables = [("a table or series", (), "opaque")]
+    variables = _listed(path)
     owner: dict[str, str] = {}
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
@@ -151,7 +147,8 @@ def open_mat(path: Path) -> ColumnReader:
             sizes |= {column: values.size for column, values in found.columns.items()}
             units, clocks = units | found.units, clocks | found.clocks
     objects = [name for name, _, kind in variables if kind in _OBJECTS and name]
-    _check_objects(path, objects, owner)
+    if objects and not owner:
+        raise only_objects(path, objects)
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         columns = _load(path, list(dict.fromkeys(owner[name] for name in wanted))).columns
@@ -160,23 +157,43 @@ def open_mat(path: Path) -> ColumnReader:
     clocks = clocks or clocks_by_group(list(owner), sizes)
     reader = ColumnReader(path, MATLAB.name, list(owner), fetch, units, own_clocks=clocks)
     if objects:
-        listed = ", ".join(f'"{name}"' for name in objects[:5])
-        message = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), left out; {SAVE_AS_STRUCT}"
+        message = f"{_listed_objects(objects)}, left out; {SAVE_AS_STRUCT}"
         reader.repairs.append(Repair("", "matlab-object", len(objects), message))
     return reader
 
 
-def _check_objects(path: Path, objects: Sequence[str], owner: object) -> None:
-    if objects and not owner:
-        listed = ", ".join(f'"{name}"' for name in objects[:5])
-        found = f"{listed}: objects of MATLAB (timeseries, timetable, Dataset), which only MATLAB reads"
-        raise InputError(str(path), found, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
+def _listed(path: Path) -> list[tuple[str, tuple[int, ...], str]]:
+    """Return name, shape and kind of each variable; all as structs beside an object of which SciPy lists nothing."""
+    from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
+    try:
+        return [*whosmat(path)]
+    except TypeError:  # SciPy asks an object for its shape, which it has not read
+        check_expanded_size(path, expanded_size(path, ALL), of="the file")
+        check_types(path, ALL)
+    tree = loadmat(path)
+    objects = tree.pop("None")["s0"]  # SciPy's name of the last one
+    plain = [(name, (), "struct") for name in tree if not name.startswith("__")]
+    return [*plain, *((str(name, "latin-1"), (), "opaque") for name in objects)]
+
+
+def only_objects(path: Path, objects: Sequence[str]) -> InputError:
+    """Return the error of a file that holds nothing but objects."""
+    found = f"{_listed_objects(objects)}, which only MATLAB reads"
+    return InputError(str(path), found, "vectors, or structs of vectors", SAVE_AS_STRUCT, code="E041")
+
+
+def _listed_objects(objects: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in objects[:5]) + ": objects of MATLAB (timeseries, timetable, Dataset)"
 
 
 def _load(path: Path, variables: list[str]) -> StructColumns:
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
-    wanted = {k for k, (name, _, _) in enumerate(whosmat(path)) if name in variables}
+    try:
+        wanted: Collection[int] = {k for k, (name, _, _) in enumerate(whosmat(path)) if name in variables}
+    except TypeError:
+        wanted = ALL
     check_expanded_size(path, expanded_size(path, wanted), of=f'the variables "{", ".join(variables)[:60]}"')
     check_types(path, wanted)
     tree = loadmat(path, variable_names=variables, squeeze_me=True, struct_as_record=True)

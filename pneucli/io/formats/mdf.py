@@ -7,8 +7,8 @@ evaluate a formula, and misses every range of integers.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +61,8 @@ def open_mdf(path: Path) -> ColumnReader:
     return ColumnReader(path, MDF.name, names, fetch, units, start=start, **own)  # type: ignore[arg-type]
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    file = library_of_extra("asammdf", "mdf", path).MDF(path)
-    try:
-        yield file
-    finally:
-        file.close()
+def _opened(path: Path) -> closing[Any]:
+    return closing(library_of_extra("asammdf", "mdf", path).MDF(path))
 
 
 def _group(path: Path, file: Any, names: Sequence[str], groups: Mapping[str, int]) -> int:

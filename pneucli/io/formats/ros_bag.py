@@ -83,7 +83,10 @@ class _Json:
 
 def _check_encodings(path: Path, reader: Any) -> None:
     summary = reader.get_summary()
-    encodings = {channel.message_encoding for channel in summary.channels.values()} if summary is not None else set()
+    channels = [*summary.channels.values()] if summary is not None else []
+    encodings = {channel.message_encoding for channel in channels}
+    schemas = {summary.schemas[channel.schema_id].encoding for channel in channels if channel.message_encoding == "cdr"}
+    encodings |= {f'cdr of "{one}"' for one in schemas - {"ros2msg", "ros2idl"}}
     if unread := sorted(encodings - {"cdr", "json"}):
         found = f"an MCAP file whose messages are in {', '.join(unread)}"
         raise InputError(

@@ -290,10 +290,8 @@ def _median_areas(edges: Array, *pairs: tuple[Array, Array]) -> list[float]:
 
 MIN_COMMAND_STEP = 0.005  # of the commands' range: less is noise of a command that is held
 MIN_HELD_SAMPLES = 40  # samples at one command, of which the last two tens tell whether p1 still moves
-MIN_PRESSURE_TRAVEL, MAX_RESTING_DRIFT = (
-    0.5,
-    0.01,
-)  # of p1's range: heat moves it less than half of the way, and after 1 % of it p1 rests
+MIN_PRESSURE_TRAVEL = 0.5  # of p1's range: heat moves it less than half of the way
+MAX_RESTING_DRIFT = 0.01  # of p1's range, in which p1 rests
 MIN_BETWEEN = 0.1  # of supply over ambient, from either: a valve that is open rests a vessel at one of both
 MIN_LOOP_COMMANDS = 3  # commands at which p1 rests between both
 MIN_LOOP_TRAVEL = 0.2  # of p1's range, at one command: steps to both sides of a middle go over half of it each

@@ -22,9 +22,8 @@ from pneucli.quantities import axis_unit
 from pneucli.recording import Recording
 
 MAX_PRESSURE = 50e5  # Pa: compressed air ends at 16 bar, blow moulding at 40 bar
-MIN_SUPPLY = (
-    0.05e5  # Pa above or below ambient: a blower's; less is a unit, or a mark between thousands that was not seen
-)
+# Pa above or below ambient: a blower's; less is a unit, or a mark between thousands that was not seen
+MIN_SUPPLY = 0.05e5
 MAX_COMMAND = 120.0  # V: extra-low voltage ends there (IEC 61140)
 MAX_FLOW = 6.0  # kg/s: 5 cm^2, the bore of a one-inch port, at 50 bar and 293 K (A p 0.0404 / sqrt(T), choked)
 MAX_STROKE = 12.0  # m: rodless cylinders end at 10 m
