@@ -6,6 +6,7 @@ while another effect is missing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -138,9 +139,8 @@ def _relative_difference_error(fitted: Fit, name: str, other: str) -> float:
 def raises_held_out_error(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
     """Return whether the free-run error on held-out recordings is larger with an effect (``full``) than without it.
 
-    It may not rise by more than chance, in mm and bar and as ``compare`` prints it, each model in units of its own
-    expected error: one held-out recording more or less decides on less. It is that of the fitted recordings where none
-    is held out.
+    It may not rise by more than chance: one held-out recording more or less decides on less. It is that of the fitted
+    recordings where none is held out.
     """
     before, after, limit = _errors_of_step(data, reduced, full)
     return after > max(limit, MIN_ERROR_RISE) * before
@@ -157,8 +157,11 @@ def raises_error_beyond_noise(data: DiagnosisData, reduced: FittedModel, full: F
 
 
 def _errors_of_step(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> tuple[float, float, float]:
-    """Return the held-out error without an effect, the larger one with it, in the units of either model, and the limit
-    of a correct model; no rise where one is unknown.
+    """Return the held-out error without an effect and with it, and the limit of a correct model; no rise where one is
+    unknown.
+
+    The error with the effect is the geometric mean of those in units of either model, as neither is known to be the
+    correct one: noise moves a damped model less, whose smaller error in mm and bar may be more of its own units.
     """
     errors = data.free_run_errors
     if errors is None:
@@ -168,7 +171,13 @@ def _errors_of_step(data: DiagnosisData, reduced: FittedModel, full: FittedModel
     in_same_units, printed = held_out_error(errors(after, before)), held_out_error(errors(after))
     if given is None or in_same_units is None or printed is None:
         return 1.0, 1.0, 1.0
-    return given, max(in_same_units, printed), held_out_error(errors.limits(after)) or 1.0
+    return given, math.sqrt(in_same_units * printed), held_out_error(errors.limits(after)) or 1.0
+
+
+def lowers_error(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> bool:
+    """Return whether the free-run error on held-out recordings is smaller with ``full``."""
+    before, after, _ = _errors_of_step(data, reduced, full)
+    return after < before
 
 
 def error_ratio(data: DiagnosisData, reduced: FittedModel, full: FittedModel) -> float:

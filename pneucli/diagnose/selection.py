@@ -15,6 +15,7 @@ from pneucli.diagnose.constraints import (
     IMPOSSIBLE,
     MIN_ERROR_RISE,
     error_ratio,
+    lowers_error,
     raises_error_beyond_noise,
     raises_held_out_error,
 )
@@ -265,7 +266,7 @@ def _without_some(
     if all(j.decision.reason != "raises-error" for j in kept.refused):
         return kept
     lenient = _dropped(data, path, known, first_fits, error_may_rise=True)
-    return lenient if error_ratio(data, kept.last, lenient.last) < 1.0 else kept
+    return lenient if lowers_error(data, kept.last, lenient.last) else kept
 
 
 def _dropped(

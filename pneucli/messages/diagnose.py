@@ -514,10 +514,10 @@ def error_reduction(answer: Answer) -> str:
         return f"the error stays at {format_noise_ratio(after)} × noise {on}"
     if not (before and after and after > before):
         return f"the error falls {ratios} {on}"
-    rises = f"the error rises {ratios} {on}"
     if relative is None or relative >= 1.0:
-        return rises
-    return f"{rises}, no more than by chance: in mm and bar it falls to {format_percent(relative)}"
+        return f"the error rises {ratios} {on}"
+    less = "since noise moves the completed model less"
+    return f"the error in mm and bar falls to {format_percent(relative)} {on}; it rises {ratios}, {less}"
 
 
 def selected_step(answer: Answer) -> Step:

@@ -155,7 +155,9 @@ class _Shut(NamedTuple):
     @classmethod
     def of(cls, gram: Array, vent: int, fill: int, leak: tuple[int, ...]) -> _Shut:
         columns = (vent, EDGES + fill, *leak)
-        sizes = np.linalg.lstsq(gram[np.ix_(columns, columns)], gram[columns, -1], rcond=None)[0]
+        sizes = np.asarray(
+            np.linalg.lstsq(gram[np.ix_(columns, columns)], gram[columns, -1], rcond=None)[0], np.float64
+        )
         left = float(gram[-1, -1] - gram[columns, -1] @ sizes) if (sizes >= 0.0).all() else np.inf
         return cls(vent, fill, columns, sizes, left)
 
