@@ -263,7 +263,8 @@ def _decorate(entries: Collection[str], called: Collection[str], match: re.Match
 
 
 def _constants() -> str:
-    values = {k: v for module in (layout, gas, hose) for k, v in vars(module).items() if isinstance(v, int | float)}
+    modules = (layout, gas, hose, chamber)
+    values = {k: v for module in modules for k, v in vars(module).items() if isinstance(v, int | float)}
     return "\n".join(f"{name} = {value}" for name, value in values.items()) + "\n"
 
 

@@ -64,6 +64,12 @@ def test_strong_heat_transfer_is_isothermal_and_weak_heat_transfer_isentropic() 
     assert np.abs(out[:, at.GAS_T] - isentrope).max() < 0.005  # K; it moves by 0.26 K from sample to sample
 
 
+def test_a_chamber_that_a_wrong_model_empties_within_a_step_stays_finite() -> None:
+    """As areas do that were fitted to a late valve: a fit must come back from there."""
+    read = charged({"heat-transfer.conductance": 7.0}, u=-2.5 * STEP, volume=1e-7, p1=2e5)
+    assert np.isfinite(read).all()
+
+
 def test_choked_charging_is_a_straight_line() -> None:
     p = charged()
     assert p[-1] - p[100] == pytest.approx(0.3 * CHOKED, rel=1e-6)

@@ -18,6 +18,9 @@ from pneucli.simulate.kernel.ports import (
 from pneucli.simulate.kernel.valve import valve_flow
 from pneucli.simulate.layout import AMBIENT, CRITICAL, DEAD_1, EXPONENT, GAMMA, GAS, TEMP, WALL
 
+COLDEST = 0.2  # of the surroundings' temperature: isentropic expansion from 280 bar; a wrong model empties a chamber
+HOTTEST = 5.0  # of the same, the inverse
+
 
 def pressure_rate(p, T, volume, growth, q_in, q_out, heat_flow, base):
     """Return the pressure gradient of a chamber from the energy balance.
@@ -71,7 +74,7 @@ def chamber_step(p, p_mid, mass, h, volume, growth, q_in, q_out, hot, base, th, 
     T, warm, inertia, flow = base[TEMP], 0.0, volume, q_in - q_out
     if hot:
         slope = volume / (base[GAS] * max(mass + 0.5 * h * flow, 1e-9))  # of the temperature over the pressure
-        T = p_mid * slope
+        T = min(max(p_mid * slope, COLDEST * base[TEMP]), HOTTEST * base[TEMP])
         fading = 0.5 * slope * (heat(T - 1.0, base[WALL], th, on) - heat(T + 1.0, base[WALL], th, on))
         warm = heat(T, base[WALL], th, on) + fading * (p_mid - p)
         inertia += 0.5 * h * (base[GAMMA] - 1.0) * fading
