@@ -158,7 +158,7 @@ class GradedCase:
     def _parameters(self) -> list[tuple[dict[str, Any], float]]:
         return [
             (self.candidates[effect]["parameters"][name], value)
-            for effect in self.hidden & set(self.candidates)
+            for effect in sorted(self.hidden & set(self.candidates))
             for name, value in self.truth["hidden"][effect].items()
             if name in self.candidates[effect]["parameters"]
         ]

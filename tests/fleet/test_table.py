@@ -19,7 +19,7 @@ from pneucli.config import keys_at, load_fleet
 from pneucli.errors import InputError
 from pneucli.fleet import run as stage
 from pneucli.fleet.row_files import FleetRow, folder_name, raw_file_names, read_rows, require_columns, row_pipeline
-from pneucli.io.remote_files import content_stamp, fetch, is_remote, store_error
+from pneucli.io.remote_files import content_stamp, fetch, is_remote, store_errors_as_input_errors
 from pneucli.io.result_store import mirror_folder, store_at
 
 TEMPLATE = """\
@@ -181,7 +181,9 @@ def test_a_missing_remote_file_is_an_input_error(where: str, tmp_path: Path, req
 
 
 def test_an_error_hides_passwords() -> None:
-    assert "secret" not in str(store_error("s3://user:secret@b/x.csv", OSError("no")))
+    with pytest.raises(InputError) as told, store_errors_as_input_errors("s3://user:secret@b/x.csv"):
+        raise OSError("no")
+    assert "secret" not in str(told.value)
 
 
 def test_a_remote_folder_behaves_like_a_local_one(store: str, tmp_path: Path) -> None:
