@@ -23,6 +23,7 @@ UNIT_VOLUME = 1.0  # m^3, of a vessel; the flow of each recording is normalised
 REACH = 0.3  # of the largest command: where paths open nearly linearly, and most overlaps end
 EDGES = 32  # commands in that range at which a path may begin to open
 BLOCKS = 40  # of all samples: what a leak explains must be seen in many of them
+MAX_SAMPLES = 100_000  # of all recordings: more do not tell a leak better
 MIN_WIDENING = 1.5  # times the interval without a leak: less is within what a wrong flow does to its ends
 MIN_EVIDENCE = 3.0  # standard errors of the gain: by the means of blocks, as their squares have long tails
 
@@ -117,10 +118,11 @@ def _shut_beside_leak(flows: _Flows, interval: tuple[float, float]) -> tuple[flo
     Where that leaves a much wider range than without a leak, the interval is not where the valve is shut.
     """
     centre = 0.5 * (interval[0] + interval[1])
-    near = np.abs(flows.u - centre) <= REACH * float(np.max(np.abs(flows.u - centre)))
-    if np.sum(near) < BLOCKS:
+    reach = REACH * float(np.max(np.abs(flows.u - centre)))
+    near = np.flatnonzero((np.abs(flows.u - centre) <= reach) & np.isfinite(np.sum(flows, axis=0)))
+    if near.size < BLOCKS:
         return None
-    u, flow, venting, filling, across = (column[near] for column in flows)
+    u, flow, venting, filling, across = (column[near[:: -(-near.size // MAX_SAMPLES)]] for column in flows)
     edges = np.linspace(float(u.min()), float(u.max()), EDGES)
     vents = np.maximum(edges - u[:, None], 0.0) * venting[:, None]
     fills = np.maximum(u[:, None] - edges, 0.0) * filling[:, None]
