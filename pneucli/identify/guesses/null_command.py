@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class _Flows(NamedTuple):
         opens, p = np.ones(path.flow.size), inputs[:, at.IN_P1]
         venting, filling = (mass_flux(rig, sign * opens, inputs[:, at.IN_SUPPLY], p) for sign in (-1.0, 1.0))
         p2 = inputs[:, at.IN_P2] if "p2" in path.experiment.raw and not path.experiment.vessel else p
-        across = np.where(p2 > p, 1.0, -1.0) * mass_flux(rig, opens, np.maximum(p, p2), np.minimum(p, p2))
+        across = mass_flux(rig, opens, p2, p)  # as a supply that may be the lower one
         return cls(path.opening, *(flow / unit for flow in (path.flow, venting, filling, across)))
 
     @classmethod
@@ -130,7 +131,10 @@ def _shut_beside_leak(flows: _Flows, interval: tuple[float, float]) -> tuple[flo
     blocks = [part.T @ part for part in np.array_split(columns, BLOCKS)]
     gram = np.sum(blocks, axis=0)
     plain, leaky = (
-        min((_Shut.of(gram, i, j, leak) for i in range(EDGES) for j in range(i, EDGES) for leak in leaks), key=_left)
+        min(
+            (_Shut.of(gram, i, j, leak) for i in range(EDGES) for j in range(i, EDGES) for leak in leaks),
+            key=attrgetter("left"),
+        )
         for leaks in ([()], [(2 * EDGES + leak,) for leak in range(3)])
     )
     shut = float(edges[leaky.vent]), float(edges[leaky.fill])
@@ -167,10 +171,6 @@ class _Shut(NamedTuple):
         weights = np.append(self.sizes, -1.0)
         places = (*self.columns, len(gram) - 1)
         return float(weights @ gram[np.ix_(places, places)] @ weights)
-
-
-def _left(one: _Shut) -> float:
-    return one.left
 
 
 def _null_interval(flows: _Flows) -> tuple[float, float] | None:
