@@ -41,17 +41,23 @@ def lacks_p2(residual_model: ResidualModel) -> bool:
 
 
 def end_locations(candidate: Candidate) -> list[EndLocation]:
-    """Return where the fit ended for each parameter with a null: at the null, at another bound, or inside."""
+    """Return where the fit ended for each parameter with a null: at the null, at another bound, or inside.
+
+    Beside some effects a null is none: no value makes the effect absent. There it is a value like others inside.
+    """
     model, effect = candidate.full.model, candidate.effect
     upper = {f.name: f.upper for f in candidate.full.fit.free}
-    parameters = {f"{effect.name}.{p.name}": p for p in effect.in_model_with(model.effects).parameters}
+    is_absent_at_null = effect.in_model_with(model.effects) is effect
+    parameters = {f"{effect.name}.{p.name}": p for p in effect.parameters}
     absent = {name: absent_value(p, model, upper.get(name, math.inf)) for name, p in parameters.items()}
     nulls = {name: value for name, value in absent.items() if value is not None}
-    return [
-        "null" if np.isclose(e.value, nulls[e.name], rtol=1e-5, atol=0.0) else "bound" if e.at_bound else "inside"
-        for e in candidate.full.fit.estimates
-        if e.name in nulls
-    ]
+    locations = list[EndLocation]()
+    for e in candidate.full.fit.estimates:
+        if e.name in nulls:
+            at_null = bool(np.isclose(e.value, nulls[e.name], rtol=1e-5, atol=0.0))
+            inside: EndLocation = "null" if at_null and is_absent_at_null else "inside"
+            locations.append("bound" if e.at_bound and not at_null else inside)
+    return locations
 
 
 def at_any_bound(candidate: Candidate) -> bool:

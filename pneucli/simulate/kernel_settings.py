@@ -19,6 +19,7 @@ SHOWN_FILLING = 0.5  # of the highest pressure: a recording that spans as much s
 SHOWN_FILLING_STEP = 1e-3  # s, and there a longer one errs by at most 0.03 of the noise (docs/development/internals.md)
 STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig's mass, stroke or supply is unknown
 GIVEN_MOTION_STEPS = 8.0  # of a moving piston, where the motion is measured: errs by less than those steps
+START_NOISES = 23.0  # times the noise: a half and a quarter of such a change differ from their mean by 2 errors of it
 FILLING_RATE_QUANTILE = 0.99  # of the samples: higher rates are noise or last an instant
 
 
@@ -64,11 +65,36 @@ def _chamber_2(recording: Recording, rig: Rig) -> int:
 def _initial_opening(
     command: str, pressure: str, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
 ) -> float:
-    """Return the opening before the recording: closed where the pressure does not move at its start."""
-    if command not in raw or pressure not in raw or raw[pressure].size < 10:
-        return 0.0
-    moving = abs(raw[pressure][3] - raw[pressure][0]) > 5 * noise[pressure].rms
-    return float(raw[command][0] - rig.valve_null) if moving else 0.0
+    """Return the opening before the recording: closed where neither pressure nor piston move at its start."""
+    moving = any(moves_at_start(raw[name], noise[name].rms) for name in (pressure, "x") if name in raw)
+    return float(raw[command][0] - rig.valve_null) if moving and command in raw else 0.0
+
+
+def moves_at_start(pressure: Array, noise: float) -> bool:
+    """Return whether a pressure already moves when its recording starts.
+
+    Until its change stands out of the noise, a pressure that moves all along changes in proportion to time, and one
+    that a command sets in motion at the start changes with the square of time, or later.
+
+    Args:
+        pressure: Readings in Pa, shape (n,).
+        noise: Their rms noise in Pa.
+
+    Returns:
+        Whether the change until half that time is nearer to the first.
+
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> moves_at_start(1e5 + 1e5 * time, 100.0), moves_at_start(1e5 + 1e5 * time**2, 100.0)
+    (True, False)
+    """
+    changes = np.abs(pressure - pressure[0])
+    stands_out = np.flatnonzero(changes > START_NOISES * noise)
+    if not stands_out.size:
+        return False
+    last = int(stands_out[0])
+    half = last // 2
+    share = half / last
+    return last < 2 or bool(changes[half] > 0.5 * (share + share**2) * changes[last])
 
 
 def max_motion_step(rig: Rig, period: float) -> float:

@@ -73,14 +73,17 @@ def candidate(
     before: FittedModel | None = None,
     ends: Mapping[str, tuple[float, bool]] | None = None,
     p_value: float = 1e-9,
+    beside: Sequence[str] = (),
 ) -> Candidate:
-    """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter."""
+    """The step to a model with one effect more; ``ends`` has value and whether at a bound by parameter, ``beside`` the
+    effects of both models.
+    """
     before = before or model_fit()
     after = model_fit([effect], cost)
     ended = ends or {p.name: (1e-3, False) for p in catalogue()[effect].parameters}
     values = {f"{effect}.{name}": value for name, (value, _) in ended.items()}
     fitted: Any = SimpleNamespace(
-        model=model([effect], values),
+        model=model([*beside, effect], values),
         estimates=tuple(
             SimpleNamespace(name=f"{effect}.{name}", value=value, at_bound=at_bound)
             for name, (value, at_bound) in ended.items()

@@ -46,6 +46,16 @@ def test_the_end_of_a_fit_decides_before_its_p_value(
     assert reason(effect, ends=ends, p_value=p_value) == said
 
 
+@pytest.mark.parametrize(("drop", "said"), [((0.95, True), "at-bound"), ((0.0, True), "supported")])
+def test_an_effect_that_nothing_makes_absent_may_end_where_it_would_be_absent_alone_and_at_no_other_bound(
+    drop: tuple[float, bool], said: str
+):
+    """Without a drop the Stribeck rise still holds while speeding up alone; with 0.95 no friction is left."""
+    found = candidate("friction-hysteresis", ends={"drop": drop}, beside=["stribeck"])
+    (decision,) = apply_tests(diagnosis_data(), [found])
+    assert decision.reason == said
+
+
 @pytest.mark.parametrize(("delay", "said"), [(0.4e-3, "below-resolution"), (0.6e-3, "supported")])
 def test_a_time_shorter_than_half_a_sample_is_below_the_resolution(delay: float, said: str):
     assert reason("line-delay", ends={"delay": (delay, False)}) == said

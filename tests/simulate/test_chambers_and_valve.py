@@ -12,7 +12,7 @@ from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step
+from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step, moves_at_start
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run
 
@@ -159,6 +159,30 @@ def test_a_line_delays_the_pressure(delay: float) -> None:
     far = np.abs(TIME - 0.1 - delay) > 1e-3
     assert np.abs(late - shifted)[far].max() < 1e-3 * CHOKED * 5e-4
     assert np.abs(late - shifted).max() < CHOKED * 5e-4
+
+
+@pytest.mark.parametrize("late", [{"line-delay.delay": 0.02}, {"valve-lag.time_constant": 0.02}])
+def test_what_flowed_before_a_recording_that_starts_in_motion_arrives_from_its_start_on(late: dict[str, float]) -> None:
+    """A chamber that the held command fills all along; where the valve was shut before, the flow comes late."""
+    held = np.full(TIME.size, 4.0)
+    vessel = model([name.partition(".")[0] for name in late], late | {"rig.vessel_volume": VOLUME}, rig=VESSEL)
+    e = make_experiment("valve", TIME, {"u": held, "p1": 101_300.0}, rig=VESSEL)
+    rested = run(vessel, e)[:, at.R1]
+    e.flags[at.INITIAL_U] = 4.0
+    steady, at_once = run(vessel, e)[:, at.R1], charged({}, held)
+    assert steady[:200] == pytest.approx(at_once[:200], abs=1e-3 * CHOKED * 0.02)
+    assert rested[200] == pytest.approx(at_once[200] - CHOKED * 0.02, abs=2e-2 * CHOKED * 0.02)
+
+
+@pytest.mark.parametrize(("power", "moves"), [(0.8, True), (1.0, True), (2.0, False), (3.0, False)])
+def test_a_pressure_that_moves_before_its_recording_starts_changes_with_time_at_first(
+    power: float, moves: bool
+) -> None:
+    """Whatever the sampling: 2 bar within a second, and 300 Pa of noise."""
+    for count in (40, 1000, 20_000):
+        time, noise = np.linspace(0.0, 1.0, count), 300.0 * np.random.default_rng(1).standard_normal(count)
+        assert moves_at_start(3e5 - 2e5 * time**power + noise, 300.0) == moves
+        assert not moves_at_start(3e5 + noise, 300.0)
 
 
 def test_the_line_to_chamber_2_delays_its_pressure_too() -> None:

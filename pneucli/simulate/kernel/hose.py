@@ -114,7 +114,7 @@ def delayed_flows(ring, tail: int, t):
         t: Time in s; it must not decrease, nor reach the newest entry.
 
     Returns:
-        Four mass flows in kg/s, 0 before the first entry, and the new tail.
+        Four mass flows in kg/s, before the first entry those at the tail, and the new tail.
     """
     size: int = ring.shape[0]
     nxt: int = tail + 1 if tail + 1 < size else 0
@@ -122,7 +122,7 @@ def delayed_flows(ring, tail: int, t):
         tail = nxt
         nxt = tail + 1 if tail + 1 < size else 0
     if ring[tail, 0] < -1e29:
-        return 0.0, 0.0, 0.0, 0.0, tail
+        return ring[tail, 1], ring[tail, 2], ring[tail, 3], ring[tail, 4], tail
     w = (t - ring[tail, 0]) / (ring[nxt, 0] - ring[tail, 0])
     q_in, q_out = between_entries(ring, tail, nxt, 1, w), between_entries(ring, tail, nxt, 2, w)
     return q_in, q_out, between_entries(ring, tail, nxt, 3, w), between_entries(ring, tail, nxt, 4, w), tail
@@ -131,6 +131,12 @@ def delayed_flows(ring, tail: int, t):
 def between_entries(ring, tail: int, nxt: int, column: int, w):
     """Return a column of a ring at the share ``w`` of the way from one entry to the next."""
     return ring[tail, column] + w * (ring[nxt, column] - ring[tail, column])
+
+
+def flow_before(q_in, q_out, more_in, more_out, ring, tail: int):
+    """Write the flows that the valves let through before the first entry of a ring, see :func:`line_step`."""
+    ring[tail, 1], ring[tail, 2] = max(q_in, 0.0), max(q_out, 0.0)
+    ring[tail, 3], ring[tail, 4] = max(more_in, 0.0), max(more_out, 0.0)
 
 
 def line_step(t, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head: int, tail: int, tail_2: int):

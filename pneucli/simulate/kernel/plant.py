@@ -109,6 +109,8 @@ def plant_start(start, inputs, flags, s, s1, s2, s_supply, ring, base, th, on):
         s1[i], s2[i], s_supply[i] = start[START_U], start[START_U2], 0.0
     for i in range(ring.shape[0]):
         ring[i, 0] = -1e30
+        for j in range(1, ring.shape[1]):
+            ring[i, j] = 0.0
     s[AT_TAIL] = s[AT_TAIL_2] = ring.shape[0] - 1
     x, p1, p2 = start[START_X], start[START_P1], start[START_P2]
     if int(flags[CHAMBER_2]) == OPEN:

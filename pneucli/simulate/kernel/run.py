@@ -4,7 +4,15 @@ import math
 
 from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.arrays import fixed, new_array, new_copy
-from pneucli.simulate.kernel.hose import hose_bores, hose_delays, hose_step, line_step, longest_step, volume_beyond_hose
+from pneucli.simulate.kernel.hose import (
+    flow_before,
+    hose_bores,
+    hose_delays,
+    hose_step,
+    line_step,
+    longest_step,
+    volume_beyond_hose,
+)
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
     has_heat,
@@ -267,6 +275,10 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             if i == 0:
                 out[k, FLOW] = q_in - q_out
             if delay > 0.0:
+                if (
+                    k == 0 and i == 0 and (flags[INITIAL_U] != 0.0 or flags[INITIAL_U2] != 0.0)
+                ):  # nothing changed before
+                    flow_before(q_in, q_out, more_in, more_out, ring, tail)
                 q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
                     time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
