@@ -98,6 +98,8 @@ SCALES = {
         Scale("driven masses", "kg", "what the supply force brings to the highest speed within the range of x",
               lambda f: 2.0 * f.force * (f.x_max - f.x_min) / f.max_speed**2),
         Scale("Coulomb forces", "N", "the base model's dry friction", lambda f: f.coulomb),
+        Scale("Coulomb forces per millimetre", "N/m", "that over 1 mm: seals are alike on large and small rigs",
+              lambda f: f.coulomb / 1e-3),
         Scale("moving masses", "kg", "the rig's, or as fitted", lambda f: f.mass),
         Scale("strokes", "m", "of the cylinder, else the range of x", lambda f: f.stroke),
         Scale("ranges of x", "m", "from the lowest to the highest position, counted from the lowest",

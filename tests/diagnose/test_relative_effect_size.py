@@ -39,8 +39,8 @@ def test_usual_is_the_middle_of_the_typical_values_by_factors() -> None:
 
 
 def test_one_that_vanishes_at_infinity_is_the_larger_the_smaller_its_parameter() -> None:
-    """8 and 40 supply forces per stroke are typical."""
-    usual = math.sqrt(8.0 * 40.0) * FACTS.force / FACTS.stroke
+    """Seals that give way by 0.5 and by 0.02 mm under Coulomb friction are typical."""
+    usual = FACTS.coulomb / math.sqrt(0.5e-3 * 0.02e-3)
     assert size(catalogue()["presliding"], stiffness=0.5 * usual, damping=80.0) == pytest.approx(2.0)
 
 

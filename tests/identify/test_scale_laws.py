@@ -87,17 +87,15 @@ changes = st.builds(Change, *(st.floats(-1.0, 1.0).map(lambda power: 10.0**power
 def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> None:
     model = Model(RIG, (), FRICTION, VALVE)
     here, there = rig_quantities(model), rig_quantities(change.model(model))
-    # a sensor and a solenoid have their own size, and gravity is that of the earth
+    # a sensor and a solenoid have their own size, gravity is that of the earth, and seals give way by their own length
     scaled = [e for e in catalogue().values() if e.part != "switching valve"]
     of_effects = (p for e in scaled for p in e.parameters if not p.needs and p.name != "gravity")
     for parameter in [*BASE_PARAMETERS.values(), *of_effects]:
         mine, theirs = parameter.range_on(here), parameter.range_on(there)
         factor = change.of(parameter.unit)
-        numbers = [
-            (mine.lower, theirs.lower),
-            (mine.upper, theirs.upper),
-            *zip(mine.typical, theirs.typical, strict=True),
-        ]
+        numbers = [(mine.lower, theirs.lower), (mine.upper, theirs.upper)]
+        if not any("millimetre" in str(typical) for typical in parameter.typical):
+            numbers += zip(mine.typical, theirs.typical, strict=True)
         assert all(b == pytest.approx(a * factor, rel=1e-9) for a, b in numbers), parameter.name
 
 

@@ -60,7 +60,7 @@ EFFECT = Effect(
             math.inf,
             "0.04 supply forces per stroke",
             "4000 supply forces per stroke",
-            ("8 supply forces per stroke", "40 supply forces per stroke"),
+            ("2 Coulomb forces per millimetre", "50 Coulomb forces per millimetre"),
             "stiffness of the bristles",
         ),
         Parameter(
