@@ -94,6 +94,15 @@ def test_parameters_without_a_null_are_held():
     assert significance(traded, dwell) > 20.0
 
 
+def test_an_effect_that_the_residuals_do_not_determine_is_not_significant():
+    """The derivatives of a diverging model say that a delay is certain to 1e-28 s; its interval is its whole range."""
+    dwell = catalogue()["dwell-breakaway"]
+    diverging = fitted(dwell, {"gain": 0.5, "time_constant": 0.3}, 1e24 * np.ones((N, 2)))
+    assert significance(diverging, dwell) > 1e6
+    names = frozenset(f.name for f in diverging.free)
+    assert significance(replace(diverging, undetermined=names), dwell) == 0.0
+
+
 @pytest.mark.parametrize(("sensitivity", "seen"), [(1.0, True), (0.03, False)])
 def test_an_effect_that_vanishes_as_a_parameter_grows_is_tested_by_the_reciprocal(sensitivity: float, seen: bool):
     """150 residuals move by 1 (0.03) for a small relative change: the stiffness is known to 8 % (270 %)."""
