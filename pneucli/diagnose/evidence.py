@@ -258,8 +258,8 @@ def wald_p_value(fit: Fit, effect: Effect, residual_models: Sequence[ResidualMod
 def significance(fit: Fit, effect: Effect, residual_models: Sequence[ResidualModel] = ()) -> float:
     """Return the distance of an effect from its absence over its standard error.
 
-    For an effect without a null it is the first parameter over its standard error. It is 0 where the residuals determine
-    none of its parameters, whose intervals are their whole ranges.
+    For an effect without a null it is the first parameter over its standard error. It is 0 where the residuals
+    determine none of its parameters, whose intervals are their whole ranges.
     """
     own = {f.name for f in fit.free if f.name.startswith(f"{effect.name}.")}
     if own and own <= fit.undetermined:

@@ -10,6 +10,7 @@ import numpy as np
 from pneucli.recording import Recording
 
 MAX_SAMPLES = 100_000  # in all: the derivatives for all parameters need less than a gigabyte
+MIN_REDUCTION = 2.0  # times: less saves too little for a fit of the given model that is not that of ``identify``
 MAX_ERROR_SAMPLES = 300_000  # of which errors are stated: to simulate so many takes about as long as the search
 MAX_SEGMENTS = 10  # of one recording, so that a drift over it is visible
 MIN_HORIZONS = 4.0  # of the comparison, at least, in one segment

@@ -115,9 +115,9 @@ class PipelineData:
         used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
         return [LeftOut(*part) for part in contradicted_parts(self.contradictions) if part not in used]
 
-    def at_most(self, max_samples: int) -> PipelineData:
-        """Return the pipeline with at most so many samples; itself where it has no more."""
-        few = sum(one.time.size for one in self.recordings) <= max_samples
+    def at_most(self, max_samples: int, *, by_at_least: float = 1.0) -> PipelineData:
+        """Return the pipeline with at most so many samples; itself where it has at most ``by_at_least`` times that."""
+        few = sum(one.time.size for one in self.recordings) <= by_at_least * max_samples
         return self if few else replace(self, max_samples=max_samples)
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 
 from pneucli import messages
@@ -17,6 +18,7 @@ from pneucli.diagnose.candidate import Decision, Reason
 from pneucli.diagnose.diagnosis import Confidence
 from pneucli.diagnose.free_run_error import FreeRunErrors
 from pneucli.diagnose.score import ErrorsByUse
+from pneucli.diagnose.subsample import MIN_REDUCTION
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
 from pneucli.figure import Figure, read, to_json
@@ -86,11 +88,25 @@ def test_errors_of_long_recordings_are_those_of_the_whole(tmp_path: Path, monkey
             compared.append(sum(e.time.size for e in self.experiments))
             return super().__call__(model, reference)
 
-    monkeypatch.setattr(diagnose, "MAX_SAMPLES", 9000)
+    monkeypatch.setattr(diagnose, "MAX_SAMPLES", 6500)
     monkeypatch.setattr(diagnose, "FreeRunErrors", Errors)
     answer = diagnosed(FIXTURES / "friction_hysteresis" / "pipeline.toml", tmp_path)
     assert answer["thinned"]["used"] < 0.7 * answer["thinned"]["samples"]
     assert set(compared) == {answer["thinned"]["samples"]}
+
+
+@pytest.mark.parametrize(("samples", "is_whole"), [(6_999, False), (7_000, True)])
+def test_segments_are_fitted_where_they_halve_the_samples(samples: int, is_whole: bool) -> None:
+    """Else two fits of the given model, of all samples and of some, were two errors of it for little time saved."""
+
+    class Recorded(PipelineData):
+        @property
+        def recordings(self) -> Any:
+            return [SimpleNamespace(time=np.zeros(size)) for size in (4_000, 10_000)]
+
+    study = Recorded(SimpleNamespace())  # type: ignore[arg-type]
+    chosen = study.at_most(samples, by_at_least=MIN_REDUCTION)
+    assert (chosen is study, chosen.max_samples) == (is_whole, None if is_whole else samples)
 
 
 def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None:
