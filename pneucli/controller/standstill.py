@@ -74,7 +74,8 @@ def detect_motion(force, s, c):
 
     A rigid piston starts, and reverses, only under more than dry friction. An excursion longer than the presliding
     distance is sliding, whatever is elastic; one out of HOLD along which the air's force does not rise, as even the
-    softest seal asks, is of a load. ``force`` is the net force in N without friction.
+    softest seal asks, is of a load. A piston that stands while the air's force changes by dry friction is rigid: late
+    pressures had shown too small a force as it slid. ``force`` is the net force in N without friction.
     """
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
     s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_MOTION_STEP] else 0.0
@@ -95,12 +96,20 @@ def detect_motion(force, s, c):
     bent = (force - s[S_LOAD] - s[S_FIRST_FORCE]) * sign(s[S_EXCURSION]) * c[C_PRESLIDING_DISTANCE]
     loaded = s[S_FROM_HOLD] > 0.5 and bent < 1.5 * friction * math.fabs(s[S_EXCURSION])
     held = s[S_PEAK_FORCE] < 0.5 * friction and not loaded
-    if held and reference_rests(s) and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
+    if not reference_rests(s):
+        s[S_ELASTIC] = max(s[S_ELASTIC], 0.0)
+    elif held and s[S_ELASTIC] > -0.5 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
         s[S_ELASTIC] = 1.0
+    if math.fabs(s[S_X] - s[S_STILL_X]) > c[C_MOTION_STEP]:
+        s[S_STILL_X] = s[S_X]
+        s[S_STILL_FORCE] = force - s[S_LOAD]
+    elif s[S_ELASTIC] > 0.5 and math.fabs(force - s[S_LOAD] - s[S_STILL_FORCE]) > friction:
+        s[S_ELASTIC] = -1.0
+        s[S_LOOP_GAIN] = 1.0
     if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
         reference_rests(s) and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
     ):
-        s[S_ELASTIC] = 0.0
+        s[S_ELASTIC] = min(s[S_ELASTIC], 0.0)
         s[S_LOOP_GAIN] = 1.0
 
 

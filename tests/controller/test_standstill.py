@@ -63,6 +63,24 @@ def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
     assert of(stirred(force, way, **given), "ELASTIC") == [told]
 
 
+@pytest.mark.parametrize(
+    ("force", "given", "told"),
+    [
+        (1.1 * COULOMB, {}, -1.0),  # a spring would have given way
+        (-1.1 * COULOMB, {}, -1.0),
+        (0.9 * COULOMB, {}, 1.0),
+        (1.1 * COULOMB, {"STILL_X": 0.0999}, 1.0),  # it did
+        (1.1 * COULOMB, {"LOAD": 1.1 * COULOMB}, 1.0),  # the air pushes as before
+        (0.4 * COULOMB, {"ELASTIC": -1.0, "EXCURSION": 3 * REACH}, -1.0),  # what is refuted is not found again
+        (0.4 * COULOMB, {"ELASTIC": -1.0, "REF_REST_TIME": 0.0}, 0.0),  # until it moves on
+    ],
+)
+def test_what_stands_while_the_air_pushes_by_friction_more_or_less_is_rigid(
+    force: float, given: dict[str, float], told: float
+) -> None:
+    assert of(stirred(force, 0.0, **({"ELASTIC": 1.0, "STILL_X": 0.1, "V": 0.0} | given)), "ELASTIC") == [told]
+
+
 @pytest.mark.parametrize("elastic", [True, False])
 @pytest.mark.parametrize(("before", "after"), [(2.0, 3.0), (9.0, 10.0), (100.0, 100.0)])
 def test_an_overshoot_never_narrows_a_dead_band(elastic: bool, before: float, after: float) -> None:
