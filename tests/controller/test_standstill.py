@@ -178,6 +178,22 @@ def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction
     assert standstill.braking_force(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
 
 
+@pytest.mark.parametrize(
+    ("error", "speed", "gain", "held"),
+    [
+        (0.9, 0.0, 1.0, True),
+        (1.5, 0.0, 1.0, True),  # it stands within the tolerance, 2 bands
+        (1.5, 2.0, 1.0, False),  # it slides: a better place may come
+        (1.7, 0.0, 1.0, False),  # too near to where it would be let go
+        (1.9, 0.0, 2.0, True),
+    ],
+)
+def test_what_stands_within_the_tolerance_is_left_alone(error: float, speed: float, gain: float, held: bool) -> None:
+    band, step, window = (C[at.PARAMETERS.index(f"C_{n}")] for n in ("HOLDING_BAND", "MOTION_STEP", "MOTION_WINDOW"))
+    s = balanced(8.0, REF_REST_TIME=1.0, V=speed * step / window, DEADBAND_GAIN=gain)
+    assert bool(standstill.update_hold(of(s, "X")[0] + error * band, s, C)) == held
+
+
 def test_held_an_elastic_piston_keeps_its_force() -> None:
     s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
     assert still.update_hold(0.1, s, C)
