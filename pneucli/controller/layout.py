@@ -44,7 +44,7 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_LAST_SIGN,  # sign of the last error; factor on the ramp rate after overshoots (above 1: full rate)
     S_RAMP_GAIN,
     S_BRAKING_TIME,  # s: remaining braking time of a freed piston
-    S_ELASTIC,  # 1: the piston moved under a force that friction must hold; -1: since refuted, until the reference moves
+    S_ELASTIC,  # 1: the piston moved under a force that friction must hold; -1: refuted until the reference moves
     S_STILL_X,  # m, N: where the piston last moved by a motion step, and the air's force there
     S_STILL_FORCE,
     S_EXCURSION,  # m: distance since the last reversal or rest; N: peak of the force along it, the air's at its begin
