@@ -148,7 +148,7 @@ def rig_test(controller: Controller, requirements: Requirements) -> RigTest:
     scenario = Scenario(
         "ensemble",
         centre + AMPLITUDE * c["C_STROKE"] * way,
-        np.where(stretch == 2, nominal_load(c), 0.0),
+        np.where(stretch == 2, -nominal_load(c), 0.0),  # that chamber 1 must carry: a closed chamber 2 pushes no harder
         np.full(time.size, c["C_SUPPLY"]),
         equilibrium_at(c, centre),
     )

@@ -22,6 +22,7 @@ from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import controller_for
+from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.design.requirements import Requirements
 from pneucli.figure import read
 from pneucli.messages import design as messages
@@ -161,6 +162,16 @@ def test_every_rig_steps_both_ways_and_goes_along_a_sine_that_begins_where_it_is
     times += [begins + part / ensemble.FREQUENCY for part in (0.0, 0.25, 0.5, 1.0)]
     found = [way[round(time / ENSEMBLE_CONTROLLER.period)] for time in times]
     assert found == pytest.approx([1.0, 1.0, -1.0, -1.0, -1.0, 0.0, 1.0, -1.0], abs=1e-3)
+
+
+def test_the_load_is_one_that_chamber_1_can_carry_against_friction() -> None:
+    """Toward +x it had to be vented below ambient pressure: no gains held, and nothing was promised."""
+    c, static = ENSEMBLE_CONTROLLER.values, 60.0
+    loaded = int(np.argmax(np.abs(TEST.scenario.force)))
+    p2 = chamber_2_pressure(c, TEST.scenario.reference[loaded : loaded + 1])[0]
+    both = c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"] - TEST.scenario.force[loaded]
+    low, high = (both - static) / c["C_AREA_1"], (both + static) / c["C_AREA_1"]
+    assert c["C_P_LOW"] < low < high < c["C_P_HIGH"]
 
 
 def test_rigs_spread_as_the_recordings_and_the_regulator_allow() -> None:
