@@ -210,10 +210,15 @@ def test_the_model_itself_holds_all_limits_and_a_weak_supply_acts() -> None:
     assert TEST.ratios(weak, ENSEMBLE_CONTROLLER, axis.BENCH, 0)[1] > 1.2 * usual[1]
 
 
-def test_the_score_counts_what_exceeds_the_limits_and_then_the_margin() -> None:
-    held, wide, one_out = np.full((4, 4), 0.9), np.full((4, 4), 0.3), np.full((4, 4), 0.3)
-    one_out[2, 1] = 2.0
-    assert ensemble.score_of(wide) < ensemble.score_of(held) < ensemble.score_of(one_out)
+def test_the_score_is_about_the_share_of_rigs_that_fail() -> None:
+    wide = np.full((4, 4), 0.3)
+    near, at_rest, out, far, two = (wide.copy() for _ in range(5))
+    near[:, 1] = 0.9
+    at_rest[:, 0], at_rest[:, 2] = 0.9, 0.45  # where a held piston may stand
+    out[2, 1], far[2, 1] = 2.0, 100.0
+    two[1:3, 1] = 2.0
+    scores = [ensemble.score_of(one) for one in (wide, at_rest, out, far, near, two)]
+    assert scores[0] == scores[1] < 0.01 < scores[2] < scores[3] < 0.26 < scores[4] < scores[5]
 
 
 def test_the_search_is_no_worse_than_the_rules_on_its_rigs() -> None:
