@@ -5,8 +5,8 @@ Source: own, docs/closed-loop.md shows what it does on a machine; friction is th
 State chart (state variable in brackets; "at rest": of the reference, :func:`reference_rests`)::
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
-      -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain; of a piston that
-                             stands less than C_MOTION_STEP in C_MOTION_WINDOW: < 1.6 C_HOLDING_BAND
+      -> HOLD                at rest, |v| of the model and as seen < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band
+                             gain; one that stands, < C_MOTION_STEP in C_MOTION_WINDOW: < 1.6 C_HOLDING_BAND
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
@@ -290,9 +290,10 @@ def enter_hold(s, c):
 def update_hold(x_ref, s, c):
     """Enter or leave the state HOLD at a reference x_ref (m); return whether the piston is held.
 
-    One that stands within the tolerance is held: a correction might go farther.
+    One that stands within the tolerance is held: a correction might go farther. One that slides where the model has
+    it stick is not: its friction is less than the model's, and half of the force would keep it sliding.
     """
-    resting = reference_rests(s) and math.fabs(s[S_V]) < c[C_V_FLOOR]
+    resting = reference_rests(s) and max(math.fabs(s[S_V]), math.fabs(s[S_V_SEEN])) < c[C_V_FLOOR]
     error = math.fabs(x_ref - s[S_X])
     band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
     stands = math.fabs(s[S_V]) * c[C_MOTION_WINDOW] < c[C_MOTION_STEP]

@@ -194,6 +194,22 @@ def test_what_stands_within_the_tolerance_is_left_alone(error: float, speed: flo
     assert bool(standstill.update_hold(of(s, "X")[0] + error * band, s, C)) == held
 
 
+@pytest.mark.parametrize(("seen", "held"), [(2.1e-3, False), (-2.1e-3, False), (1e-3, True)])
+def test_what_slides_under_less_friction_than_the_model_has_is_not_held(seen: float, held: bool) -> None:
+    s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, V_SEEN=seen)
+    assert bool(standstill.update_hold(of(s, "X")[0], s, C)) == held
+
+
+def test_the_speed_as_seen_is_that_of_the_readings_where_the_model_has_it_stick() -> None:
+    s, speed = balanced(0.0, REF_REST_TIME=1.0, V=0.0), 5e-3
+    h, begin = C[at.PARAMETERS.index("C_PERIOD")], of(s, "X")[0]
+    for k in range(1, 101):
+        observers.observe_motion(begin + speed * k * h, s, C)
+    model, seen = of(s, "V", "V_SEEN")
+    assert seen == pytest.approx(speed, rel=0.05)
+    assert model < 0.9 * seen
+
+
 def test_held_an_elastic_piston_keeps_its_force() -> None:
     s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, ELASTIC=1.0, RELEASE_FORCE=3.0)
     assert still.update_hold(0.1, s, C)
