@@ -42,7 +42,14 @@ CONFIDENCE = 0.95  # of the promise
 SUPPLY_SPREAD = 0.1  # of the supply pressure, either way
 REST_LIMIT, MOTION_LIMIT, LOAD_LIMIT = 50e-6, 0.5e-3, 100e-6  # m, where [design] states nothing
 WORST_RATIO = 1e3  # over its limit: of a loop that runs away
-BEST_RATIO, MARGIN_WEIGHT = 0.1, 1e-2  # of a score: a wider margin counts no more; weight of the margin over an excess
+BEST_RATIO = 0.1  # over its limit, of a score: a wider margin counts no more
+HELD_RATIOS = (
+    0.9,
+    0.0,
+    0.45,
+    0.0,
+)  # of the figures, up to which a held piston stays where it is: no margin of the gains
+SHARPNESS = 4.0  # of a score: a kernel of about the width that figures of 5 to 25 rigs, half a decade apart, ask for
 FIGURES = {"rest": "m", "motion": "m", "load": "m", "chattering": "V"}  # of a rig, in the order of its ratios
 CHATTERING_LIMIT, CHATTERING_PERIOD = 0.2, 0.02  # of the largest command, rms; s: what is faster is chattering
 DWELL, SINE = 2.0, 2.5  # s, of each stretch of the test, and of its sine
@@ -148,7 +155,7 @@ def rig_test(controller: Controller, requirements: Requirements) -> RigTest:
     scenario = Scenario(
         "ensemble",
         centre + AMPLITUDE * c["C_STROKE"] * way,
-        np.where(stretch == 2, nominal_load(c), 0.0),
+        np.where(stretch == 2, -nominal_load(c), 0.0),  # that chamber 1 must carry: a closed chamber 2 pushes no harder
         np.full(time.size, c["C_SUPPLY"]),
         equilibrium_at(c, centre),
     )
@@ -208,13 +215,20 @@ def ratios_on(rigs: Mapping[int, Model], test: RigTest, controller: Controller, 
 
 
 def score_of(ratios: Array) -> float:
-    """Return the mean excess over the limits, in logarithms; among designs that hold them all, the margin decides.
+    """Return about the share of rigs that fail: the mean of a smooth step of the worst figure of each over its limit.
+
+    A rig near its limit counts as one that may fail, and one that fails by far not more than others.
 
     Args:
         ratios: Figures over their limits, shape (rigs, 4).
+
+    >>> near, far = np.array([[0.1, 1.0, 0.1, 0.1]]), np.array([[0.9, 0.1, 0.1, 100.0]])
+    >>> round(score_of(near), 3), round(score_of(far), 3)
+    (0.5, 1.0)
     """
-    worst = np.log(np.maximum(ratios.max(axis=1), BEST_RATIO))
-    return float(np.mean(np.maximum(worst, 0.0)) + MARGIN_WEIGHT * np.mean(worst))
+    worst = np.where(ratios <= np.array(HELD_RATIOS), 0.0, ratios).max(axis=1)
+    step = np.maximum(worst, BEST_RATIO) ** SHARPNESS
+    return float(np.mean(step / (1.0 + step)))
 
 
 def measured_times(ensemble: RigEnsemble, model: Model) -> RigEnsemble:

@@ -13,6 +13,7 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_U2,
     S_X,  # m, m/s: observed motion
     S_V,
+    S_V_SEEN,  # m/s: rate of the observed position, whatever friction the model has
     S_UNSEEN,  # samples since the last reading of the position
     S_LOAD,  # N: filtered estimate of the load, positive toward +x
     S_P1,  # Pa: observed pressures
@@ -44,7 +45,9 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_LAST_SIGN,  # sign of the last error; factor on the ramp rate after overshoots (above 1: full rate)
     S_RAMP_GAIN,
     S_BRAKING_TIME,  # s: remaining braking time of a freed piston
-    S_ELASTIC,  # 1: the piston moved under a force that friction must hold
+    S_ELASTIC,  # 1: the piston moved under a force that friction must hold; -1: refuted until the reference moves
+    S_STILL_X,  # m, N: where the piston last moved by a motion step, and the air's force there
+    S_STILL_FORCE,
     S_EXCURSION,  # m: distance since the last reversal or rest; N: peak of the force along it, the air's at its begin
     S_PEAK_FORCE,
     S_FIRST_FORCE,
@@ -119,10 +122,10 @@ OPEN_CHAMBER_VOLUME = 1e3  # m^3: an open chamber 2 is modelled as a closed one 
     S_SWING_COUNT,  # half swings of a limit cycle, the length of the last in m, and its period in s
     S_SWING_AMPLITUDE,
     S_SWING_PERIOD,
-) = range(110)
+) = range(113)
 
 # delay lines (ring buffers) follow: openings in V and expected pressure readings in Pa
-S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (110 + i * DELAY_LINE_SAMPLES for i in range(4))
+S_OPENING_LINE1, S_OPENING_LINE2, S_PRESSURE_LINE1, S_PRESSURE_LINE2 = (113 + i * DELAY_LINE_SAMPLES for i in range(4))
 
 (
     C_PERIOD,  # s

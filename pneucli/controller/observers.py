@@ -124,6 +124,7 @@ def observe_motion(x, s, c):
     detect_motion(force, s, c)
     driven = s[S_MOVING_COUNT] > 0.5 or not reference_rests(s)
     v = speed_after(s[S_X], s[S_V], force, h, s, c) if driven else 0.0
+    s[S_V_SEEN] = 0.5 * (s[S_V] + v)
     s[S_X] = clamp(s[S_X] + 0.5 * h * (s[S_V] + v), 0.0, c[C_STROKE])
     s[S_V] = v
     if is_plausible(x, -0.05 * c[C_STROKE], 1.05 * c[C_STROKE]):
@@ -134,6 +135,7 @@ def observe_motion(x, s, c):
         s[S_X] += away
         off = x - s[S_X]
         s[S_X] += c[C_OBS_X] * off
+        s[S_V_SEEN] += c[C_OBS_X] * off / h
         s[S_V] += c[C_OBS_V] * off
         if load_observable(s):
             s[S_LOAD] += clamp(c[C_OBS_LOAD] * off, -c[C_LOAD_STEP_MAX], c[C_LOAD_STEP_MAX])

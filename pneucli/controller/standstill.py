@@ -5,7 +5,8 @@ Source: own, docs/closed-loop.md shows what it does on a machine; friction is th
 State chart (state variable in brackets; "at rest": of the reference, :func:`reference_rests`)::
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
-      -> HOLD                at rest, |v| < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band gain
+      -> HOLD                at rest, |v| of the model and as seen < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band
+                             gain; one that stands, < C_MOTION_STEP in C_MOTION_WINDOW: < 1.6 C_HOLDING_BAND
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
@@ -31,7 +32,8 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
     elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
       entered  at rest, excursion > 2 C_MOTION_STEP under a peak force < 0.5 Coulomb friction; out of HOLD
                while the air's force rises along it by 1.5 Coulomb friction in C_PRESLIDING_DISTANCE (detect_motion)
-      left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1)
+      left     excursion or error > C_PRESLIDING_DISTANCE (loop gain back to 1); for good [-1] until the reference
+               moves, where the air's force changes by Coulomb friction and the piston stays within C_MOTION_STEP
       PRESSURES LAG  keep the force          STICKING  the force grows exponentially [S_FORCE_RAMP]
       RETURNING      unload the ramp         MOVING    integrate the predicted stopping error
       each reversal after > 2 C_MOTION_STEP: loop gain x 0.7 (>= 0.05); each overshoot: dead-band gain x 1.5
@@ -74,7 +76,8 @@ def detect_motion(force, s, c):
 
     A rigid piston starts, and reverses, only under more than dry friction. An excursion longer than the presliding
     distance is sliding, whatever is elastic; one out of HOLD along which the air's force does not rise, as even the
-    softest seal asks, is of a load. ``force`` is the net force in N without friction.
+    softest seal asks, is of a load. A piston that stands while the air's force changes by dry friction is rigid: late
+    pressures had shown too small a force as it slid. ``force`` is the net force in N without friction.
     """
     s[S_ANCHOR] += (s[S_X] - s[S_ANCHOR]) * min(c[C_PERIOD] / c[C_MOTION_WINDOW], 1.0)
     s[S_MOVING_COUNT] = s[S_MOVING_COUNT] + 1.0 if math.fabs(s[S_X] - s[S_ANCHOR]) > 0.25 * c[C_MOTION_STEP] else 0.0
@@ -95,12 +98,20 @@ def detect_motion(force, s, c):
     bent = (force - s[S_LOAD] - s[S_FIRST_FORCE]) * sign(s[S_EXCURSION]) * c[C_PRESLIDING_DISTANCE]
     loaded = s[S_FROM_HOLD] > 0.5 and bent < 1.5 * friction * math.fabs(s[S_EXCURSION])
     held = s[S_PEAK_FORCE] < 0.5 * friction and not loaded
-    if held and reference_rests(s) and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
+    if not reference_rests(s):
+        s[S_ELASTIC] = max(s[S_ELASTIC], 0.0)
+    elif held and s[S_ELASTIC] > -0.5 and math.fabs(s[S_EXCURSION]) > 2.0 * c[C_MOTION_STEP]:
         s[S_ELASTIC] = 1.0
+    if math.fabs(s[S_X] - s[S_STILL_X]) > c[C_MOTION_STEP]:
+        s[S_STILL_X] = s[S_X]
+        s[S_STILL_FORCE] = force - s[S_LOAD]
+    elif s[S_ELASTIC] > 0.5 and math.fabs(force - s[S_LOAD] - s[S_STILL_FORCE]) > friction:
+        s[S_ELASTIC] = -1.0
+        s[S_LOOP_GAIN] = 1.0
     if math.fabs(s[S_EXCURSION]) > c[C_PRESLIDING_DISTANCE] or (
         reference_rests(s) and math.fabs(s[S_X_SHAPED] - s[S_X]) > c[C_PRESLIDING_DISTANCE]
     ):
-        s[S_ELASTIC] = 0.0
+        s[S_ELASTIC] = min(s[S_ELASTIC], 0.0)
         s[S_LOOP_GAIN] = 1.0
 
 
@@ -277,11 +288,17 @@ def enter_hold(s, c):
 
 
 def update_hold(x_ref, s, c):
-    """Enter or leave the state HOLD at a reference x_ref (m); return whether the piston is held."""
-    resting = reference_rests(s) and math.fabs(s[S_V]) < c[C_V_FLOOR]
+    """Enter or leave the state HOLD at a reference x_ref (m); return whether the piston is held.
+
+    One that stands within the tolerance is held: a correction might go farther. One that slides where the model has
+    it stick is not: its friction is less than the model's, and half of the force would keep it sliding.
+    """
+    resting = reference_rests(s) and max(math.fabs(s[S_V]), math.fabs(s[S_V_SEEN])) < c[C_V_FLOOR]
     error = math.fabs(x_ref - s[S_X])
     band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
-    if s[S_HOLD] < 0.5 and resting and error < band:
+    stands = math.fabs(s[S_V]) * c[C_MOTION_WINDOW] < c[C_MOTION_STEP]
+    near = max(band, 1.6 * c[C_HOLDING_BAND]) if stands else band  # 0.8 of the tolerance; it is let go at 0.9
+    if s[S_HOLD] < 0.5 and resting and error < near:
         enter_hold(s, c)
     elif not resting or error > 1.8 * band:
         s[S_HOLD] = 0.0

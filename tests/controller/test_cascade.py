@@ -876,7 +876,16 @@ def test_only_a_piston_that_rested_for_long_is_set_free_at_the_full_pace_again()
     assert of(held(HOLD=1.0, REST_TIME=0.21)[1], "RAMP_GAIN") == [4.0]
 
 
-@pytest.mark.parametrize("given", [{"x_ref": 0.1 + 1.1e-5}, {"REF_REST_TIME": 0.05}, {"V": 2.1e-3}, {"V": -2.1e-3}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"x_ref": 0.1 + 1.1e-5, "V": 1e-3},
+        {"x_ref": 0.1 + 1.7e-5},
+        {"REF_REST_TIME": 0.05},
+        {"V": 2.1e-3},
+        {"V": -2.1e-3},
+    ],
+)
 def test_it_is_not_held_off_the_reference_early_or_in_motion(given: dict[str, float]) -> None:
     found, s = held(**given)
     assert not found

@@ -63,6 +63,24 @@ def test_what_moves_under_a_force_that_friction_surely_holds_is_elastic(
     assert of(stirred(force, way, **given), "ELASTIC") == [told]
 
 
+@pytest.mark.parametrize(
+    ("force", "given", "told"),
+    [
+        (1.1 * COULOMB, {}, -1.0),  # a spring would have given way
+        (-1.1 * COULOMB, {}, -1.0),
+        (0.9 * COULOMB, {}, 1.0),
+        (1.1 * COULOMB, {"STILL_X": 0.0999}, 1.0),  # it did
+        (1.1 * COULOMB, {"LOAD": 1.1 * COULOMB}, 1.0),  # the air pushes as before
+        (0.4 * COULOMB, {"ELASTIC": -1.0, "EXCURSION": 3 * REACH}, -1.0),  # what is refuted is not found again
+        (0.4 * COULOMB, {"ELASTIC": -1.0, "REF_REST_TIME": 0.0}, 0.0),  # until it moves on
+    ],
+)
+def test_what_stands_while_the_air_pushes_by_friction_more_or_less_is_rigid(
+    force: float, given: dict[str, float], told: float
+) -> None:
+    assert of(stirred(force, 0.0, **({"ELASTIC": 1.0, "STILL_X": 0.1, "V": 0.0} | given)), "ELASTIC") == [told]
+
+
 @pytest.mark.parametrize("elastic", [True, False])
 @pytest.mark.parametrize(("before", "after"), [(2.0, 3.0), (9.0, 10.0), (100.0, 100.0)])
 def test_an_overshoot_never_narrows_a_dead_band(elastic: bool, before: float, after: float) -> None:
@@ -158,6 +176,38 @@ def test_what_moves_past_closing_in_is_braked_by_no_more_than_twice_dry_friction
     assert standstill.braking_force(1e-4, state(V=5e-4), C) == 0.0  # slower than 10 1/s x 0.1 mm
     assert standstill.braking_force(1e-4, state(V=3e-3), C) == pytest.approx(-100.0 * 2e-3)
     assert standstill.braking_force(0.0, state(V=-1.0), C) == pytest.approx(2.0 * COULOMB)
+
+
+@pytest.mark.parametrize(
+    ("error", "speed", "gain", "held"),
+    [
+        (0.9, 0.0, 1.0, True),
+        (1.5, 0.0, 1.0, True),  # it stands within the tolerance, 2 bands
+        (1.5, 2.0, 1.0, False),  # it slides: a better place may come
+        (1.7, 0.0, 1.0, False),  # too near to where it would be let go
+        (1.9, 0.0, 2.0, True),
+    ],
+)
+def test_what_stands_within_the_tolerance_is_left_alone(error: float, speed: float, gain: float, held: bool) -> None:
+    band, step, window = (C[at.PARAMETERS.index(f"C_{n}")] for n in ("HOLDING_BAND", "MOTION_STEP", "MOTION_WINDOW"))
+    s = balanced(8.0, REF_REST_TIME=1.0, V=speed * step / window, DEADBAND_GAIN=gain)
+    assert bool(standstill.update_hold(of(s, "X")[0] + error * band, s, C)) == held
+
+
+@pytest.mark.parametrize(("seen", "held"), [(2.1e-3, False), (-2.1e-3, False), (1e-3, True)])
+def test_what_slides_under_less_friction_than_the_model_has_is_not_held(seen: float, held: bool) -> None:
+    s = balanced(8.0, REF_REST_TIME=1.0, V=0.0, V_SEEN=seen)
+    assert bool(standstill.update_hold(of(s, "X")[0], s, C)) == held
+
+
+def test_the_speed_as_seen_is_that_of_the_readings_where_the_model_has_it_stick() -> None:
+    s, speed = balanced(0.0, REF_REST_TIME=1.0, V=0.0), 5e-3
+    h, begin = C[at.PARAMETERS.index("C_PERIOD")], of(s, "X")[0]
+    for k in range(1, 101):
+        observers.observe_motion(begin + speed * k * h, s, C)
+    model, seen = of(s, "V", "V_SEEN")
+    assert seen == pytest.approx(speed, rel=0.05)
+    assert model < 0.9 * seen
 
 
 def test_held_an_elastic_piston_keeps_its_force() -> None:
