@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,9 +86,7 @@ def _records(name: str, result: RowResult) -> list[dict[str, Any]]:
 
 
 def _figure(one: Figure) -> dict[str, Any]:
-    return {
-        key: value if isinstance(value, str) or math.isfinite(value) else None for key, value in one.columns.items()
-    }
+    return dict(zip(("value", "unit", "ci_low", "ci_high"), map(to_json, one.row), strict=True))
 
 
 def _write(path: Path, name: str, records: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -172,18 +172,60 @@ class Tables:
     stage: str
     made_by: Provenance
 
-    def write(self, name: str, columns: Mapping[str, ArrayLike], units: Mapping[str, str] | None = None) -> None:
-        """Write one table, as :func:`write_table` does."""
+    def write_rows(self, name: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
+        """Write a table, also one without rows.
+
+        Args:
+            name: Its name.
+            columns: What each row holds, in its order, with its unit: ``"channel, lag [s], correlation [1]"``. A
+                column without one has the unit of the signal of its name, or is text.
+            rows: Its rows. A number that is None is NaN.
+        """
+        names, units = _declared(columns)
+        listed = list(rows)
+        cells = zip(*listed, strict=True) if listed else [()] * len(names)
+        self._write(name, {n: _cells(of, n in units) for n, of in zip(names, cells, strict=True)}, units)
+
+    def write_blocks(self, name: str, columns: str, blocks: Iterable[Sequence[Any]]) -> None:
+        """Write a table of blocks of rows, also one without; a number or a text of a block stands in each of its rows.
+
+        ``columns`` are those of :meth:`write_rows`.
+        """
+        names, units = _declared(columns)
+        listed = [_of_one_size(block) for block in blocks]
+        empty = [np.zeros(0, None if n in units else object) for n in names]
+        stacked = [np.concatenate(parts) for parts in zip(*(listed or [empty]), strict=True)]
+        table = {n: v.tolist() if v.dtype == object else v for n, v in zip(names, stacked, strict=True)}
+        self._write(name, table, units)
+
+    def _write(self, name: str, columns: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:
         schema = f"pneucli/{self.stage}/{name}/1"
         write_table(self.out / f"{name}.parquet", columns, units=units, schema=schema, provenance=self.made_by)
 
-    def write_rows(self, name: str, rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> None:
-        """Write rows; the columns that have a unit are floats or booleans. Nothing where there is no row."""
-        if rows:
-            columns: dict[str, Any] = {key: [row[key] for row in rows] for key in rows[0]}
-            numbers = {k: np.array(c) for k, c in columns.items() if k in units}
-            numbers = {k: c if c.dtype == np.bool_ else c.astype(np.float64) for k, c in numbers.items()}
-            self.write(name, columns | numbers, units)
+
+def _declared(columns: str) -> tuple[list[str], dict[str, str]]:
+    """Return the names of columns, and the units of those that have one.
+
+    >>> _declared("channel, lag [s], x")
+    (['channel', 'lag', 'x'], {'lag': 's', 'x': 'm'})
+    """
+    pairs = [column.removesuffix("]").partition(" [") for column in columns.split(", ")]
+    units = {name: unit or SIGNALS[name].unit for name, _, unit in pairs if unit or name in SIGNALS}
+    return [name for name, *_ in pairs], units
+
+
+def _cells(cells: Sequence[Any], is_number: bool) -> Any:
+    if not is_number or any(isinstance(one, str) for one in cells):
+        return list(cells)
+    return np.array([np.nan if one is None else one for one in cells])
+
+
+def _of_one_size(block: Sequence[Any]) -> list[NDArray[Any]]:
+    size = max(np.size(one) for one in block if np.ndim(one))
+    return [
+        np.asarray(one) if np.ndim(one) else np.full(size, one, dtype=object if isinstance(one, str) else None)
+        for one in block
+    ]
 
 
 def _column(values: ArrayLike) -> Any:

@@ -57,7 +57,6 @@ from pneucli.stages.answer_parts import (
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_blocks
 
 UNKNOWN_CONTROLLER = "unknown"
 MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree
@@ -194,11 +193,8 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flo
 
 def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:
     blocks = [(c.recording, c.use, c.channel, c.against, c.lag, c.correlation, c.bound) for c in found]
-    columns, units = (
-        "recording use channel against lag correlation bound",
-        {"lag": "s", "correlation": "1", "bound": "1"},
-    )
-    write_blocks(study.tables("compare", *_model_inputs(study)), "correlation", columns, blocks, units)
+    columns = "recording, use, channel, against, lag [s], correlation [1], bound [1]"
+    study.tables("compare", *_model_inputs(study)).write_blocks("correlation", columns, blocks)
 
 
 def controllers_by_recording(context: Context) -> dict[str, ExportedController]:

@@ -93,7 +93,6 @@ from pneucli.stages.control_laws import (
 )
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 
 @dataclass(frozen=True)
@@ -280,7 +279,7 @@ def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
         write_text(tables.out / CONTROLLERS_FOLDER / f"{name}.json", controller.to_json())
     gains = [(name, value, layout.UNITS.get(name, "1")) for name, value in designed.selected.values.items()]
-    write_table_rows(tables, "gains", "name value unit", gains, {"value": "see column unit"})
+    tables.write_rows("gains", "name, value [see column unit], unit", gains)
     write_sectors(tables, designed.sectors)
     if designed.weight_studies:
         write_weight_studies(tables, designed.weight_studies)
@@ -333,10 +332,15 @@ def _matrix_inequalities(designed: DesignResult) -> MatrixInequalities:
 
 def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
     """Write the sliding sectors."""
-    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s", "middle": "1/s"}
-    units["steepness"] = "1"
-    listed = [(name, *(float(getattr(s, n)) for n in units), s.warning) for name, s in rows.items()]
-    write_table_rows(tables, "sector", f"name {' '.join(units)} warning", listed, units)
+    listed = [
+        (name, s.a_1, s.a_2, s.lambda_1, s.lambda_2, s.speed_floor, s.middle, s.steepness, s.warning)
+        for name, s in rows.items()
+    ]
+    columns = (
+        "name, a_1 [1/s], a_2 [1/s], lambda_1 [1/s], lambda_2 [1/s], speed_floor [m/s], middle [1/s], steepness [1], "
+        "warning"
+    )
+    tables.write_rows("sector", columns, listed)
 
 
 def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None:
@@ -347,10 +351,11 @@ def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None
         + (bool(w.pdc and w.pdc.verified), w.peak_input_ratio, w.lyapunov_ratio)
         for w in weights
     ]
-    units = {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
-    units |= dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1")
-    columns = "weight_type vertices rate worst_pole worst_lmi status verified peak decayed"
-    write_table_rows(tables, "lmi", columns, listed, units)
+    columns = (
+        "weight_type, vertices [1], rate [1/s], worst_pole [1/s], worst_lmi [1], status, verified [1], peak [1], "
+        "decayed [1]"
+    )
+    tables.write_rows("lmi", columns, listed)
 
 
 MARGIN_UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}
@@ -434,8 +439,7 @@ def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
         for c in cuts
         for k in [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int))]
     ]
-    units = {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"}
-    write_blocks(tables, "margins", "loop x speed frequency real imaginary", blocks, units)
+    tables.write_blocks("margins", "loop, x, speed [m/s], frequency [1/s], real [1], imaginary [1]", blocks)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
 from pneucli.identify.residuals import ResidualModel
-from pneucli.io.artifacts import Provenance, atomic_path, write_table
+from pneucli.io.artifacts import Provenance, Tables, write_text
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.plan import (
     GOOD_POWER,
@@ -166,14 +165,13 @@ def _needed_by_hand(basis: Basis, information: Array, seconds: float) -> list[Ma
 
 
 COMMAND_PERIOD = 1e-3  # s, between the rows of commands.csv
-COMMANDS_FILE, STEPS_FILE, POWER_FILE, PAGE_FILE = "commands.csv", "steps.md", "power.parquet", "plan.html"
+COMMANDS_FILE, STEPS_FILE, PAGE_FILE = "commands.csv", "steps.md", "plan.html"
 COLUMNS = {  # of commands.csv: header, factor from SI, decimals
     "u": ("u [V]", 1.0, 5),
     "u2": ("u2 [V]", 1.0, 5),
     "p_ref": ("p_ref [bar]", 1e-5, 5),
     "x_ref": ("x_ref [mm]", 1e3, 4),
 }
-TYPES = {"size": np.float64, "power": np.float64, "typical": np.bool_}  # of columns of numbers, also empty ones
 
 
 def write_plan(
@@ -194,10 +192,12 @@ def write_plan(
     """
     out, rows = context.out, answer.recordings
     answer = replace(answer, sentence=answer.purpose)
-    _write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
-    _write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
-    _write_power(out / POWER_FILE, answer.power, Provenance({}, {"plan": context.config.document.get("plan", {})}))
-    _write_text(out / PAGE_FILE, plan_page(answer, predictions))
+    write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
+    write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
+    tables = Tables(out, "plan", Provenance({}, {"plan": context.config.document.get("plan", {})}))
+    columns = "effect, parameter, size [see column unit], unit, power [1], typical [1]"
+    tables.write_rows("power", columns, map(astuple, answer.power))
+    write_text(out / PAGE_FILE, plan_page(answer, predictions))
     if targets := {*context.options.get("to", [])} & {"c", "st"}:
         played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]
         write_players(out, targets, played, _player_limits(basis.limits, programme), context.config.name)
@@ -206,11 +206,6 @@ def write_plan(
         files=sorted(path.name for path in out.iterdir() if not path.name.startswith(".")),
         folder=f"{context.artifacts.parent.name}/{context.artifacts.name}/plan",
     )
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def commands_csv(programme: Sequence[Manoeuvre], rows: Sequence[PlannedRecording]) -> str:
@@ -245,14 +240,6 @@ def _commands(manoeuvre: Manoeuvre) -> dict[str, Array]:
     if manoeuvre.pressure is not None:
         found["p_ref"] = np.full(values.size, manoeuvre.pressure)
     return found
-
-
-def _write_power(path: Path, powers: Sequence[Power], provenance: Provenance) -> None:
-    columns = {
-        f.name: np.array([getattr(one, f.name) for one in powers], dtype=TYPES.get(f.name)) for f in fields(Power)
-    }
-    units = {"size": "see column unit", "power": "1", "typical": "1"}
-    write_table(path, columns, units=units, schema="pneucli/plan/power/1", provenance=provenance)
 
 
 def _played(manoeuvre: Manoeuvre, row: PlannedRecording) -> PlayedRecording:
