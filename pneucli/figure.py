@@ -137,7 +137,7 @@ def _key(one: Field[Any]) -> str:
 
 def _read_field(one: Field[Any], kind: Any, content: Mapping[str, Any]) -> Any:
     if _FLAT in one.metadata:
-        keys = one.metadata[_FLAT] or {_key(f): _key(f) for f in fields(get_args(kind)[0])}
+        keys = one.metadata[_FLAT] or {_key(f): _key(f) for f in fields(next(iter(get_args(kind)), kind))}
         there = {entry: content[key] for key, entry in keys.items() if key in content}
         return _read(kind, there if there or kind is Figure else None)
     if _key(one) in content:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from pneucli.figure import flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.formatting import (
     format_noise_ratio,
@@ -155,19 +156,36 @@ class WorstMargins:
 
 
 @dataclass(frozen=True)
+class LoopMargins:
+    """Margins of one loop.
+
+    Attributes:
+        gain_up: Factor by which the gain may rise; infinite: any.
+        gain_down: Factor by which the gain may fall; 0: any.
+        phase: Phase margin in rad.
+        delay: Additional delay in s; infinite: any.
+        modulus: Least distance of the return ratio L from -1.
+        crossover: Highest frequency in rad/s with ``|L| = 1``; NaN: none.
+
+    """
+
+    gain_up: float
+    gain_down: float
+    phase: float
+    delay: float
+    modulus: float
+    crossover: float
+
+
+@dataclass(frozen=True)
 class MarginPoint:
-    """The margins of one loop at a place (m) and a speed (m/s); None where there is no limit."""
+    """The margins of one loop at a place (m) and a speed (m/s)."""
 
     loop: str
     x: float
     speed: float
     stable: bool
-    gain_up: float | None
-    gain_down: float | None
-    phase: float | None
-    delay: float | None
-    modulus: float | None
-    crossover: float | None
+    margins: LoopMargins = field(metadata=flat())
 
 
 @dataclass(frozen=True)

@@ -120,8 +120,12 @@ class DetectionLimit:
 
 
 @dataclass(frozen=True)
-class DiscrepancyAnswer:
-    """What remains in a channel beyond noise with all named effects."""
+class Discrepancy:
+    """What remains in one channel of one subsystem with all named effects.
+
+    ``size`` is its rms over that of noise, ``time_constant_s`` its correlation time where that is known, ``over`` the
+    signal of which it is a function, if any, ``share`` its part of all squares in excess of noise.
+    """
 
     subsystem: str
     channel: str
@@ -146,7 +150,7 @@ class FittedSet:
 
 @dataclass(frozen=True)
 class Shift:
-    """A base parameter that the named effects changed; ``plausible``: not to a bound."""
+    """A base parameter that the named effects changed; not ``plausible`` where it ended at a bound."""
 
     parameter: str
     from_: float
@@ -205,7 +209,7 @@ class Answer:
     error_within_fitted: float | None
     next_experiment: str | None
     detectable: Sequence[DetectionLimit]
-    discrepancy: Sequence[DiscrepancyAnswer]
+    discrepancy: Sequence[Discrepancy]
     moved: Sequence[Shift]
     unexplained: Unexplained | None
     warnings: Sequence[str]

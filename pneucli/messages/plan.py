@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pneucli.figure import Figure
+from pneucli.figure import Figure, flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import format_figure, format_percent, format_plain, format_quantity, join_names
@@ -138,22 +138,30 @@ class ManualStep:
 
 
 @dataclass(frozen=True)
-class RefusedManoeuvre:
-    """A manoeuvre that would exceed a limit in a model, SI."""
+class ExceededLimit:
+    """A limit that a manoeuvre exceeds: the quantity, its most extreme value, the limit, the unit (SI)."""
 
-    text: str
-    bench: str
-    model: str
     quantity: str
     value: float
     limit: float
     unit: str
 
+
+@dataclass(frozen=True)
+class RefusedManoeuvre:
+    """A manoeuvre that would exceed a limit in a model."""
+
+    text: str
+    bench: str
+    model: str
+    exceeded: ExceededLimit = field(metadata=flat())
+
     @property
     def reason(self) -> str:
         """Why it was refused."""
-        value, limit = (format_quantity(size, self.unit, 3) for size in (self.value, self.limit))
-        return f"{self.text}: {QUANTITIES[self.quantity]} {value} against the limit {limit} ({self.model})"
+        one = self.exceeded
+        value, limit = (format_quantity(size, one.unit, 3) for size in (one.value, one.limit))
+        return f"{self.text}: {QUANTITIES[one.quantity]} {value} against the limit {limit} ({self.model})"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -424,12 +424,12 @@ def margins_answer(
 
 
 def _point(cut: LoopCut, found: MarginAnalysis) -> MarginPoint:
-    return MarginPoint(cut.loop, cut.x, cut.speed, not found.is_unstable((cut.x, cut.speed)), *astuple(cut.margins))
+    return MarginPoint(cut.loop, cut.x, cut.speed, not found.is_unstable((cut.x, cut.speed)), cut.margins)
 
 
 def _worst(points: Sequence[MarginPoint]) -> WorstMargins:
     """Return of each margin the smallest one; not finite where there is no limit."""
-    finite = {n: [v for p in points if math.isfinite(v := getattr(p, n))] for n in WORST_OF_MARGIN}
+    finite = {n: [v for p in points if math.isfinite(v := getattr(p.margins, n))] for n in WORST_OF_MARGIN}
     return WorstMargins(**{n: worst(finite[n], default=math.nan) for n, worst in WORST_OF_MARGIN.items()})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
-from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
+from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.discrepancy import UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.set_evidence import VisitedSet
@@ -96,10 +97,10 @@ def fitted_sets(found: Diagnosis) -> list[FittedSet]:
     return [FittedSet(visited.effects, visited.cost) for visited in best[:MAX_SETS]]
 
 
-def parameter_shift(one: ParameterShift, study: PipelineData) -> Shift:
-    """Return the entry about a base parameter that the added effects changed."""
+def parameter_shift(one: Shift, study: PipelineData) -> Shift:
+    """Return the shift of a base parameter, per volume of the vessel where that volume is unknown."""
     factor, unit = vessel_scale(one.parameter, one.unit, study)
-    return Shift(one.parameter, factor * one.before, factor * one.after, unit, one.plausible)
+    return replace(one, from_=factor * one.from_, to=factor * one.to, unit=unit)
 
 
 def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str, other: str) -> str:

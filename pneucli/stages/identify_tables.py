@@ -26,7 +26,6 @@ from pneucli.messages.identify import (
     Friction,
     KineticLevel,
     MapResidual,
-    Repeats,
     Source,
     Uncertainty,
     Valve,
@@ -113,7 +112,7 @@ def friction_answer(friction: FrictionIdentification) -> Friction:
         kinetic=[KineticLevel(k.recording, k.pressures, k.speed, k.friction) for k in friction.kinetic],
         breakaway=friction.break_aways,
         over_pressure=friction.pressure_dependence,
-        repeats=[Repeats(r.recordings, r.friction, "N", r.spread) for r in friction.repeatability],
+        repeats=friction.repeatability,
         deviations=[named(d, DEVIATION_KEYS) for d in friction.deviations],
     )
 

@@ -23,6 +23,7 @@ from pneucli.messages.formatting import format_plain
 from pneucli.messages.plan import (
     GOOD_POWER,
     Answer,
+    ExceededLimit,
     Expected,
     ManualStep,
     PlannedRecording,
@@ -363,17 +364,19 @@ def _refusals(basis: Basis) -> list[RefusedManoeuvre]:
     """Return the refused manoeuvres, each with the first limit that it exceeds."""
 
     def refused(one: Refused) -> RefusedManoeuvre:
-        first, row = one.violations[0], planned_recording(one.manoeuvre, basis.expectation.model)
-        return RefusedManoeuvre(
-            row.manoeuvre, row.bench, one.model, first.quantity, first.value, first.limit, first.unit
-        )
+        row = planned_recording(one.manoeuvre, basis.expectation.model)
+        return RefusedManoeuvre(row.manoeuvre, row.bench, one.model, one.violations[0])
 
-    return list({r.text + r.quantity: r for r in map(refused, basis.safety.refused)}.values())
+    return list({r.text + r.exceeded.quantity: r for r in map(refused, basis.safety.refused)}.values())
 
 
 def limits_too_narrow(where: str, refused: Sequence[RefusedManoeuvre]) -> InputError:
     """Return the refusal of a plan for which no manoeuvre is left, with the one that comes nearest to its limit."""
-    nearest = min(refused, key=lambda one: abs(one.value - one.limit) / max(abs(one.limit), 1e-9))
+
+    def excess(one: ExceededLimit) -> float:
+        return abs(one.value - one.limit) / max(abs(one.limit), 1e-9)
+
+    nearest = min(refused, key=lambda one: excess(one.exceeded))
     return InputError(
         where,
         f"none of {len(refused)} manoeuvres keeps the limits of the rig; the nearest is {nearest.reason}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.messages import diagnose
-from pneucli.messages.diagnose import Answer, CandidateAnswer, DiscrepancyAnswer, Shift
+from pneucli.messages.diagnose import Answer, CandidateAnswer, Discrepancy, Shift
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -188,7 +188,7 @@ def _remarks(answer: Answer) -> list[Part]:
     return parts
 
 
-def _discrepancy(discrepancies: Sequence[DiscrepancyAnswer]) -> list[Part]:
+def _discrepancy(discrepancies: Sequence[Discrepancy]) -> list[Part]:
     """Return the table of the discrepancies that remain with all named effects."""
     rows: list[Row] = [
         [
