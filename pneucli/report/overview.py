@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +16,6 @@ from pneucli.arrays import Array
 from pneucli.compare.error_regions import error_concentration
 from pneucli.messages import compare, design, diagnose, history, ingest, simulate
 from pneucli.messages.compare import Answer, ChannelResult, evaluation_error
-from pneucli.messages.diagnose import selected_step
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import (
     axis_title,
@@ -29,6 +27,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     join_names,
 )
+from pneucli.messages.history import PathStep
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import BLUE, GREY, ORANGE, render, with_gaps
 from pneucli.report.report_data import ReportData, Table
@@ -53,17 +52,12 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class PathStep:
-    """A bar of the selection path: the model, its error over noise, the bar's length (0 to 1).
+class Bar:
+    """A bar of the selection path: its model, the error over noise of it as text, and its length (0 to 1)."""
 
-    ``only_if`` marks a model that was only fitted by the diagnosis, ``present`` the one of the other chapters.
-    """
-
-    label: str
+    step: PathStep
     error: str
     length: float
-    only_if: bool = False
-    present: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,7 @@ class Overview:
     tiles: Sequence[Tile]
     pictures: Mapping[str, str]
     caption: str
-    ladder: Sequence[PathStep]
+    ladder: Sequence[Bar]
     failed: str
     following: str
     checks: str
@@ -187,33 +181,16 @@ def _controller(material: ReportData) -> Tile | None:
     return Tile("The controller", large, text, "bad" if failed else tone)
 
 
-def selection_path(material: ReportData) -> list[PathStep]:
-    """Return the models on this data and the one with the diagnosed effects, each with its error."""
+def selection_path(material: ReportData) -> list[Bar]:
+    """Return the models on this data and those with the diagnosed effects, each with its error."""
     here = _comparable_models(material)
     if not here:
         return []
     use, _ = compare.evaluation_error(here[-1].error)
     shown = here if len(here) <= MAX_STEPS else [*here[: MAX_STEPS // 2], *here[MAX_STEPS // 2 - MAX_STEPS :]]
-    steps = [(label, m.error[use], False, m is here[-1]) for label, m in zip(_labels(shown), shown, strict=True)]
-    answer = material.read(diagnose.Answer)
-    if answer.missing:
-        error = selected_step(answer).error[use]
-        steps.append((f"+ {' + '.join(answer.missing)}", error, True, False))
-    most = max([2.0, *(error for _, error, _, _ in steps if error is not None)])
-    return [
-        PathStep(label, format_noise_ratio(error), history.bar_share(error, most), *kind)
-        for label, error, *kind in steps
-    ]
-
-
-def _labels(models: Sequence[history.Model]) -> Iterator[str]:
-    """Yield the effects of the first model, and those that each later model adds and removes."""
-    effects = join_names(models[0].effects)
-    yield f"base model{f' with {effects}' if effects else ''}"
-    for before, after in pairwise(models):
-        added = [f"+ {n}" for n in after.effects if n not in before.effects]
-        removed = [f"− {n}" for n in before.effects if n not in after.effects]
-        yield " ".join([*added, *removed]) or "fitted again"
+    steps = history.path_steps(shown, material.read(diagnose.Answer))
+    most = max([2.0, *(error for step in steps if (error := step.error[use]) is not None)])
+    return [Bar(s, format_noise_ratio(s.error[use]), history.bar_share(s.error[use], most)) for s in steps]
 
 
 def _worst_failure(material: ReportData, pictured: str) -> str:
