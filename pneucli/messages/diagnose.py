@@ -34,6 +34,7 @@ from pneucli.messages.formatting import (
 from pneucli.messages.ingest import Implausible
 from pneucli.quantities import signal_title
 
+PATH_TITLES = ("with", "test, × noise", "train, × noise")
 VALIDATION_PHRASES = {
     "apart": "on recordings that were not fitted",
     "by turns": "on the fitted recordings (each held out in turn)",
@@ -63,7 +64,7 @@ class Step:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The row of a table."""
+        """The row of a table under ``PATH_TITLES``."""
         return self.add or "model as it is", format_noise_ratio(self.error_test), format_noise_ratio(self.error_train)
 
 
@@ -243,7 +244,7 @@ class Answer:
         yield from each("warning", self.warnings)
         if verbose:
             yield ""
-            yield from table(("with", "test, × noise", "train, × noise"), [s.row for s in self.ladder], texts=1)
+            yield from table(PATH_TITLES, [s.row for s in self.ladder], texts=1)
             if self.sets:
                 yield ""
                 yield from table(

@@ -12,6 +12,7 @@ from pneucli.messages import diagnose, labelled, table
 from pneucli.messages.compare import Errors, evaluation_error
 from pneucli.messages.formatting import format_noise_ratio, format_quantity, join_names
 
+MODEL_TITLES = ("when (UTC)", "effects", "test", "train")
 BAR_LENGTH = 24  # characters of the longest bar
 
 
@@ -36,6 +37,12 @@ class Model:
     def date(self) -> str:
         """Day and time, UTC."""
         return self.when.replace("T", " ").removesuffix("Z")
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``MODEL_TITLES``."""
+        errors = (format_noise_ratio(self.error[use]) for use in ("test", "train"))
+        return self.date, ", ".join(self.effects) or "base model", *errors
 
 
 @dataclass(frozen=True)
@@ -124,20 +131,10 @@ def effect_changes(first: Model, last: Model) -> str:
 def _table(models: Sequence[Model]) -> Iterator[str]:
     use, _ = evaluation_error(models[-1].error)
     most = max(m.error[use] or 0.0 for m in models)
-    rows = [
-        (
-            m.date,
-            ", ".join(m.effects) or "base model",
-            format_noise_ratio(m.error["test"]),
-            format_noise_ratio(m.error["train"]),
-            error_bar(m.error[use], most) + (" now" if m.current else ""),
-        )
-        for m in models
-    ]
-    table_rows = [(*row[:4], row[4].ljust(BAR_LENGTH + 4)) for row in rows]
-    yield from table(
-        ("when (UTC)", "effects", "test", "train", "error down to 1".ljust(BAR_LENGTH + 4)), table_rows, texts=2
-    )
+    width = BAR_LENGTH + 4
+    bars = (error_bar(m.error[use], most) + " now" * m.current for m in models)
+    rows = [(*m.row, bar.ljust(width)) for m, bar in zip(models, bars, strict=True)]
+    yield from table((*MODEL_TITLES, "error down to 1".ljust(width)), rows, texts=2)
 
 
 def error_bar(error: float | None, largest: float) -> str:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from pneucli.figure import optional
 from pneucli.messages import each, labelled, table
-from pneucli.messages.formatting import format_number, format_plain, format_quantity, join_names
+from pneucli.messages.formatting import format_fit, format_number, format_plain, format_quantity, join_names
 
+CHANNEL_TITLES = ("open loop", "channel", "least", "largest", "at the end", "rms error", "fit")
 Figures = Mapping[str, float | None]  # of one run, by the names in METRIC_TITLES
 METRIC_TITLES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
     "steady_um": "error at rest, µm",
@@ -47,6 +48,12 @@ class SimulatedChannel:
     rmsd: float | None
     fit_percent: float | None
 
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``CHANNEL_TITLES``, without the scenario."""
+        sizes = (format_quantity(one, self.unit, 3) for one in (self.from_, self.to, self.end, self.rmsd))
+        return self.channel, *sizes, format_fit(self.fit_percent)
+
 
 @dataclass(frozen=True)
 class OpenLoop:
@@ -54,6 +61,11 @@ class OpenLoop:
 
     scenario: str
     channels: Sequence[SimulatedChannel]
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The rows of a table under ``CHANNEL_TITLES``."""
+        return [(self.scenario, *one.row) for one in self.channels]
 
 
 @dataclass(frozen=True)
@@ -183,12 +195,7 @@ class Answer:
         return sorted(dict.fromkeys(worst), key=lambda name: -worst.count(name))[:MAX_NAMED_EFFECTS]
 
     def _open_loop(self) -> Iterator[str]:
-        rows = [
-            (one.scenario, m.channel, *(format_quantity(v, m.unit, 3) for v in (m.from_, m.to, m.rmsd)))
-            for one in self.open_loop
-            for m in one.channels
-        ]
-        yield from table(("open loop", "channel", "least", "largest", "rms error"), rows, texts=2)
+        yield from table(CHANNEL_TITLES, [row for one in self.open_loop for row in one.rows], texts=2)
 
     def _closed_loop(self) -> Iterator[str]:
         for name, figures in (self.closed_loop or {}).items():

@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import read
 from pneucli.messages import compare, diagnose, ingest
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.history import Model
 
 T = TypeVar("T")
+CHECK_TITLES = ("check", "wanted", "found", "")
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,13 @@ class Check:
     value: Any
     failure: str = ""
     skipped: str = ""
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``CHECK_TITLES``."""
+        found = format_plain(self.value, 4) if isinstance(self.value, float) else str(self.value)
+        verdict = "failed" if self.failure else "passed"
+        return self.path, self.wanted, "nothing there" if self.value is None else found, verdict
 
 
 @dataclass(frozen=True)

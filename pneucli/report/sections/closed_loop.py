@@ -17,7 +17,6 @@ from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.page_elements import (
     ZOOM_HINT,
-    Cell,
     Grid,
     Note,
     Panel,
@@ -47,8 +46,7 @@ def margin_parts(answer: design.Margins | None, table: Table) -> list[Part]:
     """Return the margins of a design; nothing where there are none."""
     if answer is None or not answer.points:
         return []
-    margins = (design.margin_row(loop, worst) for loop, worst in answer.worst.items())
-    rows: list[Row] = [[title, *map(Cell, figures)] for title, *figures in margins]
+    rows = [design.margin_row(loop, worst) for loop, worst in answer.worst.items()]
     caption = "The smallest margins over the stroke and both directions, one loop cut, the others closed."
     doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in answer.doubts]
     return [
@@ -122,7 +120,7 @@ def _design(answer: design.Answer, tolerance: float) -> Grid:
 def _figures(compensated: design.Scenarios, pid_only: design.Scenarios) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
     rows: list[Row] = [
-        [METRIC_TITLES.get(n, n), *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items())] for n in names
+        [METRIC_TITLES.get(n, n), *(_both(f, pid_only[s], n) for s, f in compensated.items())] for n in names
     ]
     caption = (
         f"Results of each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞: not reached before the reference moves on."

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart, drawing, figures
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section
+from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 80  # on the page
@@ -117,7 +117,7 @@ def _tables(material: ReportData) -> Iterator[Part]:
     if len(parameters := material.table("identify/friction_parameters")):
         columns = ("model", "branch", "name", "value", "unit", "ci_low", "ci_high")
         rows: list[Row] = [
-            [*map(str, of), *(Cell(format_quantity(float(v), str(unit))) for v in (value, low, high))]
+            [*map(str, of), *(format_quantity(float(v), str(unit)) for v in (value, low, high))]
             for *of, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
         ]
         head = ("model", "branch", "parameter", "value", "95 % from", "to")
@@ -130,7 +130,7 @@ def _deviations(table: Table) -> Iterator[Part]:
     shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
     for (model,), of_model in whole.groups("model"):
-        cells: list[Cell | str] = [model, MODELS.get(model, "")]
+        cells = [str(model), MODELS.get(model, "")]
         for use, channel in shown_in:
             cells += _deviation(of_model.where(use=use, channel=channel))
         rows.append([*cells, of_model.text("lacks") or "–"])
@@ -157,13 +157,13 @@ def _runaways(table: Table) -> Iterator[Note]:
             )
 
 
-def _deviation(rows: Table) -> list[Cell]:
+def _deviation(rows: Table) -> list[str]:
     if not len(rows):
-        return [Cell("–")] * 3
+        return ["–"] * 3
     rmsd, noise = (float(rows[name].mean()) for name in ("rmsd", "noise"))
     times = format_number(rmsd / noise, 2) if noise > 0.0 else "–"
     return [
-        Cell(format_quantity(rmsd, rows.text("unit"), 3)),
-        Cell(f"{format_number(float(rows['percent'].mean()), 2)} %"),
-        Cell(times),
+        format_quantity(rmsd, rows.text("unit"), 3),
+        f"{format_number(float(rows['percent'].mean()), 2)} %",
+        times,
     ]
