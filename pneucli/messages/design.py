@@ -10,6 +10,7 @@ from typing import Any
 from pneucli.figure import flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.formatting import (
+    format_bounded,
     format_noise_ratio,
     format_number,
     format_percent,
@@ -509,18 +510,14 @@ def observer_at_bound(law: str, observer: str, scenario: str, share: float, limi
 def law_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
     """Yield a row a controller: the worst of all its scenarios, the air of all, and what it comes to."""
     for name, figures in cases.items():
-        worst = [worst_value(figures, key) for key in ("steady_um", "cycle_um", "tracking_rms_um")]
         recovery = [f["recovery_s"] for f in figures.values() if f["peak_um"] is not None]
-        fast, air = worst_value(figures, "fast_v"), sum(f["air_kg"] or 0.0 for f in figures.values())
+        longest = None if None in recovery else max((r for r in recovery if r is not None), default=math.nan)
+        air = sum(f["air_kg"] or 0.0 for f in figures.values())
         yield [
             name,
-            *("–" if w is None else format_number(w, 3) for w in worst),
-            "–"
-            if not recovery
-            else "∞"
-            if None in recovery
-            else format_number(max(r for r in recovery if r is not None), 2),
-            "–" if fast is None else format_number(fast, 2),
+            *(format_number(worst_value(figures, key), 3) for key in ("steady_um", "cycle_um", "tracking_rms_um")),
+            format_bounded(longest, 2),
+            format_number(worst_value(figures, "fast_v"), 2),
             format_number(1e3 * air, 3),
             _sliding(figures),
             rest_verdict(figures, tolerance_um),

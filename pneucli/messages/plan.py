@@ -371,7 +371,7 @@ class Taken:
         """Yield what was taken and what it decided, with probabilities and sizes before and after."""
         yield from labelled("taken", f"{join_names([r.name for r in self.recordings])} into {file}")
         yield from labelled("found", self.sentence)
-        rows = [(e.effect, _probability(e.before), _probability(e.after), self._change(e.effect)) for e in self.effects]
+        rows = [(e.effect, *map(format_percent, (e.before, e.after)), self._change(e.effect)) for e in self.effects]
         if rows:
             yield from table(("effect", "before", "after", "named"), rows, texts=1)
         for reason in dict.fromkeys(one.reason for one in self.effects):
@@ -397,10 +397,6 @@ def taken_sentence(missing: Sequence[str], decided: Sequence[Decided]) -> str:
     parts += [f"{join_names(gone)} is no longer named"] if gone else []
     named = join_names(missing) or "no effect"
     return f"{'; '.join(parts)}." if parts else f"The recordings decide nothing new: {named} is named as before."
-
-
-def _probability(value: float | None) -> str:
-    return "–" if value is None else format_percent(value)
 
 
 def distinguishing_experiment(names: tuple[str, str], procedures: tuple[str, str]) -> str:

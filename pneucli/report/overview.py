@@ -231,7 +231,7 @@ def _checks(material: ReportData) -> str:
 
 def _first_doubt(material: ReportData) -> str:
     """Return the first implausible finding that the verdict does not state already, and the number of others."""
-    stated = material.answer("diagnose").get("impossible", [])
+    stated = material.read(diagnose.Answer).impossible
     found = ingest.implausibility_sentences(material.read(ingest.Answer).plausibility)
     first, *more = [*(one for one in found if one not in stated), ""]
     others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""

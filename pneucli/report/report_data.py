@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.figure import read
-from pneucli.messages import compare, diagnose, ingest
+from pneucli.messages import answer_of, compare, diagnose, ingest
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.history import Model
 
@@ -125,7 +124,7 @@ class ReportData:
 
     def read(self, kind: type[T]) -> T:
         """Return the answer of a stage as its type in :mod:`pneucli.messages`, empty where there is none."""
-        return read(kind, self.answer(kind.__module__.rpartition(".")[2]))
+        return answer_of(kind, self.answers)
 
     @property
     def steady_recordings(self) -> set[str]:

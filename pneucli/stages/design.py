@@ -56,6 +56,7 @@ from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_fro
 from pneucli.errors import InputError
 from pneucli.figure import to_answer
 from pneucli.io.artifacts import Tables, read_table, write_text
+from pneucli.messages import answer_of, compare
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import (
     Answer,
@@ -376,7 +377,7 @@ def acceptance_answer(
         context.progress(counted("the gate, axis", number, len(axes)))
 
     found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
-    error = model_error(context.answers)
+    error = evaluation_error(answer_of(compare.Answer, context.answers).error)[1]
     return Gate(
         passed=not found.violations and not (error is not None and error > BAD_ERROR_RATIO),
         strict=requirements.strict,
@@ -386,11 +387,6 @@ def acceptance_answer(
         model_error=error,
         model_error_limit=BAD_ERROR_RATIO,
     )
-
-
-def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
-    """Return the model's error over the noise floor, on test recordings, or on training recordings without any."""
-    return evaluation_error(answers.get("compare", {}).get("error", {}))[1]
 
 
 def margins_answer(

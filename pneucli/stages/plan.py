@@ -19,6 +19,7 @@ from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Provenance, Tables, write_text
+from pneucli.messages import answer_of, diagnose
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.plan import (
     GOOD_POWER,
@@ -400,9 +401,10 @@ def diagnosed_pipeline(context: Context) -> Basis:
         )
     wanted = _wanted_effects(context, pipeline.available_effects)
     context.progress("fitting the best model")
-    best = _best_fit(pipeline, train)
+    diagnosis = answer_of(diagnose.Answer, context.answers)
+    best = _best_fit(pipeline, train, diagnosis.missing)
     present = [e.name for e in best.model.effects]
-    rivals = rivals_of_diagnosis(context.answers["diagnose"], present, wanted)
+    rivals = rivals_of_diagnosis(diagnosis, present, wanted)
     absent = with_absent_effects(best.model, pipeline.available_effects.values(), train)
     doubtful = {r.effect: without_effect(best.model, r.effect) for r in rivals if not r.present}
     expectation = Expectation(
@@ -424,7 +426,7 @@ def diagnosed_pipeline(context: Context) -> Basis:
         Safety(pipeline.rig, limits, models_to_check(best, checked)),
         expectation,
         rivals,
-        context.answers["diagnose"]["data"],
+        diagnosis.data,
     )
 
 
@@ -434,10 +436,10 @@ def _wanted_effects(context: Context, available: Mapping[str, Effect]) -> list[s
     return wanted
 
 
-def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel]) -> Fit:
+def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel], missing: Sequence[str]) -> Fit:
     """Return the fit of the model with the effects of the pipeline file and those that the diagnosis names."""
     given, where = pipeline.effects, f"{pipeline.context.path}, key model.effects"
-    named = [n for n in pipeline.context.answers["diagnose"]["missing"] if n not in {e.name for e in given}]
+    named = [n for n in missing if n not in {e.name for e in given}]
     added = select_effects(named, pipeline.available_effects, where)
     return with_intervals(fit_model(pipeline.guess(), train, (*given, *added)), train)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.messages import design, simulate
 from pneucli.messages.envelope import envelope_indices
-from pneucli.messages.formatting import format_number, in_display_unit
+from pneucli.messages.formatting import format_bounded, format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.page_elements import (
@@ -136,11 +136,6 @@ def _shows(found: simulate.Figures, name: str) -> bool:
 def _both(compensated: simulate.Figures, pid_only: simulate.Figures, name: str) -> str:
     texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, pid_only)]
     return "–" if texts == ["–", "–"] else " / ".join(texts)
-
-
-def format_bounded(value: float | None) -> str:
-    """Return a figure as text, infinity where it is unbounded."""
-    return "∞" if value is None or math.isinf(value) else format_number(value, 3)
 
 
 def _um(metres: float) -> str:

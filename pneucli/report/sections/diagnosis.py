@@ -139,7 +139,7 @@ def _candidate(c: CandidateAnswer, missing: Sequence[str]) -> Row:
     return [
         c.effect,
         Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else ""),
-        (format_percent(c.confidence) if c.confidence is not None else "–"),
+        format_percent(c.confidence),
         format_number(c.error_before, 3),
         format_number(c.error_after, 3),
         format_parameters(c.parameters),
@@ -195,7 +195,7 @@ def _discrepancy(discrepancies: Sequence[Discrepancy]) -> list[Part]:
             one.channel,
             one.subsystem,
             format_number(one.size, 3),
-            "–" if one.time_constant_s is None else format_quantity(one.time_constant_s, "s", 2),
+            format_quantity(one.time_constant_s, "s", 2),
             one.over or "–",
             format_percent(one.share),
         ]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
+from pneucli.messages.identify import Answer
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart, drawing, figures
 from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
@@ -42,16 +43,16 @@ def section(material: ReportData) -> Section | None:
     if len(kinetic := material.table("identify/friction_kinetic")):
         drawn.append(_kinetic(kinetic))
     lead = "Friction is the force on the piston minus mass times acceleration; its sign is that of the velocity."
-    if taken_out := material.answer("identify").get("friction", {}).get("taken_out"):
-        lead += f" Other forces of the model are subtracted: {', '.join(taken_out)}."
+    if (found := material.read(Answer).friction) and found.taken_out:
+        lead += f" Other forces of the model are subtracted: {', '.join(found.taken_out)}."
     parts: list[Part] = [*friction_warnings(material), *drawn, *_tables(material)]
     return Section("friction", "Friction", lead, parts, folded=True)
 
 
 def friction_warnings(material: ReportData) -> list[Part]:
     """Return the warnings of the identification of friction."""
-    warnings = material.answer("identify").get("friction", {}).get("warnings", [])
-    return [Note(f"{warning}.", "warning") for warning in warnings]
+    found = material.read(Answer).friction
+    return [Note(f"{warning}.", "warning") for warning in (found.warnings if found else ())]
 
 
 def _scatter(cuts: Table) -> Figure:

@@ -17,10 +17,10 @@ from pneucli.messages.design import (
     shortcomings,
 )
 from pneucli.messages.envelope import envelope_indices
+from pneucli.messages.formatting import format_bounded
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
 from pneucli.report.page_elements import Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
-from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 110  # on the page
 MAX_SAMPLES = 800  # samples of a curve

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from pneucli.messages.formatting import format_plain
+from pneucli.messages.formatting import format_bounded, format_plain
 from pneucli.messages.simulate import METRIC_TITLES, Answer, CheckRate, SuccessRate
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
-from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 120  # on the page
 Rates = Mapping[tuple[str, str], SuccessRate]  # by effect and check
@@ -74,4 +73,4 @@ def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:
 
 def _median(runs: Table, name: str) -> str:
     values = runs[name][~np.isnan(runs[name])]
-    return format_bounded(float(np.median(values))) if values.size else "–"
+    return format_bounded(float(np.median(values)) if values.size else np.nan)

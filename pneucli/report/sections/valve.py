@@ -285,7 +285,7 @@ def _fit(lack: ValveDeviation, residual: MapResidual) -> Grid:
         ("points outside both 95 % intervals", lack.share_outside),
     )
     noise = (("model on the valve's curves", residual.train), ("model on held-out curves", residual.test))
-    rows: list[Row] = [[name, ("–" if n is None else format_percent(n))] for name, n in shares]
+    rows: list[Row] = [[name, format_percent(n)] for name, n in shares]
     rows += [[name, ("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
     caption = "Lack of fit of the model's valve, relative to the measured gradient, and residuals of curves over noise."
     return Grid(caption, ("", "value"), rows)
