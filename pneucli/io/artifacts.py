@@ -90,6 +90,13 @@ def schema_of(
     return pa.schema(fields, metadata={_PREFIX + key: value for key, value in about.items()})
 
 
+def schema_from(columns: str, *, schema: str, provenance: Provenance, **types: pa.DataType) -> pa.Schema:
+    """Return the Arrow schema of columns as :meth:`Tables.write` takes them: numbers and texts, but for ``types``."""
+    names, units = _declared(columns)
+    kinds = {name: pa.float64() if name in units else pa.string() for name in names}
+    return schema_of(kinds | types, units=units, schema=schema, provenance=provenance)
+
+
 def _unit(name: str, kind: pa.DataType, units: Mapping[str, str]) -> str:
     if name in units or name in SIGNALS:
         return axis_unit(units[name] if name in units else SIGNALS[name].unit)
@@ -172,35 +179,22 @@ class Tables:
     stage: str
     made_by: Provenance
 
-    def write_rows(self, name: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
+    def write(self, name: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
         """Write a table, also one without rows.
 
         Args:
             name: Its name.
             columns: What each row holds, in its order, with its unit: ``"channel, lag [s], correlation [1]"``. A
                 column without one has the unit of the signal of its name, or is text.
-            rows: Its rows. A number that is None is NaN.
+            rows: Its rows, or blocks of rows: arrays, beside which a number or a text stands in each row. A number
+                that is None is NaN.
         """
         names, units = _declared(columns)
-        listed = list(rows)
-        cells = zip(*listed, strict=True) if listed else [()] * len(names)
-        self._write(name, {n: _cells(of, n in units) for n, of in zip(names, cells, strict=True)}, units)
-
-    def write_blocks(self, name: str, columns: str, blocks: Iterable[Sequence[Any]]) -> None:
-        """Write a table of blocks of rows, also one without; a number or a text of a block stands in each of its rows.
-
-        ``columns`` are those of :meth:`write_rows`.
-        """
-        names, units = _declared(columns)
-        listed = [_of_one_size(block) for block in blocks]
-        empty = [np.zeros(0, None if n in units else object) for n in names]
-        stacked = [np.concatenate(parts) for parts in zip(*(listed or [empty]), strict=True)]
+        blocks = [_of_one_size(row) for row in rows] or [[np.zeros(0, None if n in units else object) for n in names]]
+        stacked = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
         table = {n: v.tolist() if v.dtype == object else v for n, v in zip(names, stacked, strict=True)}
-        self._write(name, table, units)
-
-    def _write(self, name: str, columns: Mapping[str, ArrayLike], units: Mapping[str, str]) -> None:
         schema = f"pneucli/{self.stage}/{name}/1"
-        write_table(self.out / f"{name}.parquet", columns, units=units, schema=schema, provenance=self.made_by)
+        write_table(self.out / f"{name}.parquet", table, units=units, schema=schema, provenance=self.made_by)
 
 
 def _declared(columns: str) -> tuple[list[str], dict[str, str]]:
@@ -214,18 +208,13 @@ def _declared(columns: str) -> tuple[list[str], dict[str, str]]:
     return [name for name, *_ in pairs], units
 
 
-def _cells(cells: Sequence[Any], is_number: bool) -> Any:
-    if not is_number or any(isinstance(one, str) for one in cells):
-        return list(cells)
-    return np.array([np.nan if one is None else one for one in cells])
-
-
 def _of_one_size(block: Sequence[Any]) -> list[NDArray[Any]]:
-    size = max(np.size(one) for one in block if np.ndim(one))
-    return [
-        np.asarray(one) if np.ndim(one) else np.full(size, one, dtype=object if isinstance(one, str) else None)
-        for one in block
-    ]
+    size = max((np.size(one) for one in block if np.ndim(one)), default=1)
+    return [np.asarray(one) if np.ndim(one) else _repeated(one, size) for one in block]
+
+
+def _repeated(one: Any, size: int) -> NDArray[Any]:
+    return np.full(size, np.nan if one is None else one, dtype=object if isinstance(one, str) else None)
 
 
 def _column(values: ArrayLike) -> Any:

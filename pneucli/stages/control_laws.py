@@ -170,7 +170,7 @@ def write_comparison(found: LawComparison, tables: Tables) -> None:
     if not rows:
         return
     figures = figure_columns([one.name for one in fields(Metrics)])
-    tables.write_rows("comparison", f"group, controller, scenario, {figures}", rows)
+    tables.write("comparison", f"group, controller, scenario, {figures}", rows)
     groups = (found.laws, found.without_inverse_map, found.variants)
     runs = {
         (name, s): one
@@ -192,7 +192,7 @@ def write_runs(tables: Tables, name: str, runs: Mapping[tuple[str, str], Run], m
         signals = [one.time, reference, s.force, s.supply, *one.model.T[of_model], *one.log.T[of_controller]]
         blocks.append((scenario, controller, *(signal[::step] for signal in signals)))
     columns = ", ".join(f"{n} [{unit}]" for n, (_, unit) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items())
-    tables.write_blocks(name, f"scenario, controller, time, x_ref, load [N], p_supply, {columns}", blocks)
+    tables.write(name, f"scenario, controller, time, x_ref, load [N], p_supply, {columns}", blocks)
 
 
 def figure_columns(names: Iterable[str]) -> str:

@@ -280,7 +280,7 @@ def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
         write_text(tables.out / CONTROLLERS_FOLDER / f"{name}.json", controller.to_json())
     gains = [(name, value, layout.UNITS.get(name, "1")) for name, value in designed.selected.values.items()]
-    tables.write_rows("gains", "name, value [see column unit], unit", gains)
+    tables.write("gains", "name, value [see column unit], unit", gains)
     write_sectors(tables, designed.sectors)
     if designed.weight_studies:
         write_weight_studies(tables, designed.weight_studies)
@@ -341,7 +341,7 @@ def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
         "name, a_1 [1/s], a_2 [1/s], lambda_1 [1/s], lambda_2 [1/s], speed_floor [m/s], middle [1/s], steepness [1], "
         "warning"
     )
-    tables.write_rows("sector", columns, listed)
+    tables.write("sector", columns, listed)
 
 
 def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None:
@@ -356,7 +356,7 @@ def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None
         "weight_type, vertices [1], rate [1/s], worst_pole [1/s], worst_lmi [1], status, verified [1], peak [1], "
         "decayed [1]"
     )
-    tables.write_rows("lmi", columns, listed)
+    tables.write("lmi", columns, listed)
 
 
 MARGIN_UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}
@@ -435,7 +435,7 @@ def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
         for c in cuts
         for k in [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int))]
     ]
-    tables.write_blocks("margins", "loop, x, speed [m/s], frequency [1/s], real [1], imaginary [1]", blocks)
+    tables.write("margins", "loop, x, speed [m/s], frequency [1/s], real [1], imaginary [1]", blocks)
 
 
 @dataclass(frozen=True)

@@ -151,7 +151,7 @@ def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diag
         "number [1], effects [1], sizes [1], log_evidence [1], probability [1], cost [1], channel [1], readings [1], "
         "log_variance [1]"
     )
-    tables.write_rows("sets", columns, rows)
+    tables.write("sets", columns, rows)
 
 
 def _texts(visited: VisitedSet) -> tuple[str, str]:
@@ -178,15 +178,15 @@ def _write_tables(tables: Tables, answer: Answer, shapes: list[tuple[Any, ...]],
         f"effect, error_before [1], error_after [1], parameter, {FIGURE_COLUMNS}, supported, missing, "
         "indistinguishable_from, reason, why"
     )
-    tables.write_rows("candidates", columns, candidates)
+    tables.write("candidates", columns, candidates)
     ladder = [(s.add or "", s.error_train, s.error_test) for s in answer.ladder]
-    tables.write_rows("ladder", "add, error_train [1], error_test [1]", ladder)
+    tables.write("ladder", "add, error_train [1], error_test [1]", ladder)
     columns = (
         "effect, recording, channel, variable, unit, value [SI], residual_before [see column unit], "
         "residual_after [see column unit], expected [see column unit]"
     )
-    tables.write_rows("shape", columns, shapes)
-    tables.write_rows("law", "channel, acts_as, variable, unit, value [SI], law [see column unit]", laws)
+    tables.write("shape", columns, shapes)
+    tables.write("law", "channel, acts_as, variable, unit, value [SI], law [see column unit]", laws)
 
 
 def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:

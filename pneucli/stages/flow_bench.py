@@ -188,13 +188,13 @@ def write_flow(bench: FlowBench, tables: Tables, *, valve_map: bool) -> None:
         "path, recording, row [1], u [V], upstream [Pa], downstream [Pa], ratio [1], flow [kg/s], fitted [kg/s], "
         "residual [kg/s], deviation [kg/s], conductance [m^3/(s Pa)], conductance_fitted [m^3/(s Pa)]"
     )
-    tables.write_blocks("flow_rows", columns, [_rows(bench, path) for path in bench.paths])
+    tables.write("flow_rows", columns, [_rows(bench, path) for path in bench.paths])
     u, levels = _command_grid(bench), _supply_levels(bench)
     columns = "u [V], p_supply, p [Pa], flow [kg/s], flow_ci_low [kg/s], flow_ci_high [kg/s]"
-    tables.write_blocks("flow_map", columns, [_map(bench, u, level) for level in levels])
+    tables.write("flow_map", columns, [_map(bench, u, level) for level in levels])
     if np.isfinite(u).sum() < 2:
         return
-    tables.write_blocks("flow_inverse", "flow [kg/s], p [Pa], u [V], reachable [1]", [_inverse(bench, bench.supply)])
+    tables.write("flow_inverse", "flow [kg/s], p [Pa], u [V], reachable [1]", [_inverse(bench, bench.supply)])
     if valve_map and bench.rig.vessel_volume is not None:
         _write_valve_map(bench, u, tables)
 
@@ -276,6 +276,6 @@ def _write_valve_map(bench: FlowBench, u: Array, tables: Tables) -> None:
     commands, _, p, *flows = _map(bench, u, bench.supply)
     block = (commands, p, *(factor * flow for flow in flows), np.ones(p.size, dtype=bool))
     columns = "u [V], p [Pa], p_gradient [Pa/s], p_gradient_ci_low [Pa/s], p_gradient_ci_high [Pa/s], covered [1]"
-    tables.write_blocks("valve_map", columns, [block])
+    tables.write("valve_map", columns, [block])
     flow, *rest = _inverse(bench, bench.supply)
-    tables.write_blocks("valve_inverse", "p_gradient [Pa/s], p [Pa], u [V], reachable [1]", [(factor * flow, *rest)])
+    tables.write("valve_inverse", "p_gradient [Pa/s], p [Pa], u [V], reachable [1]", [(factor * flow, *rest)])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,8 @@ from pneucli.messages.identify import (
 )
 from pneucli.quantities import Z95
 
-Block = tuple[Any, ...]  # of rows of a table
+Block = Sequence[Any]  # of rows of a table
+Written = tuple[str, str, Iterable[Block]]  # name, columns and blocks of a table
 MAX_TRAIN_RESIDUAL = 3.0  # times the noise: the limit of a good map on its own curves
 MAX_TEST_TO_TRAIN = 2.0  # times the residual on fitted curves
 MODEL_POINTS = 401
@@ -43,7 +44,7 @@ SOURCE_KEYS = "uncertainty unit sensitivity contribution bound factors"
 
 def write_parameters(found: Mapping[str, Figure], tables: Tables) -> None:
     """Write ``parameters``, a row for each parameter or characteristic."""
-    tables.write_rows("parameters", f"name, {FIGURE_COLUMNS}", [(name, *one.row) for name, one in found.items()])
+    tables.write("parameters", f"name, {FIGURE_COLUMNS}", [(name, *one.row) for name, one in found.items()])
 
 
 def write_parameter_relations(
@@ -53,11 +54,11 @@ def write_parameter_relations(
     names = [e.name for e in found.estimates]
     pairs = [(one, other) for one in names for other in names]
     related = [(*pair, r) for pair, r in zip(pairs, parameter_correlation(found).ravel(), strict=True)]
-    tables.write_rows("correlation", "name, other, correlation [1]", related)
+    tables.write("correlation", "name, other, correlation [1]", related)
     felt = [(s.name, s.channel, s.times_noise) for s in sensitivities(found, views)]
-    tables.write_rows("sensitivity", "name, channel, times_noise [1]", felt)
+    tables.write("sensitivity", "name, channel, times_noise [1]", felt)
     walked = [(", ".join(r.effects), r.search, r.round, r.residual) for r in rounds]
-    tables.write_rows("iterations", "effects, search [1], round [1], residual [1]", walked)
+    tables.write("iterations", "effects, search [1], round [1], residual [1]", walked)
 
 
 def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
@@ -78,7 +79,7 @@ def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
             "value [see column unit], combined [see column unit], expanded [see column unit], "
             "ci_low [see column unit], ci_high [see column unit]"
         )
-        tables.write_rows("uncertainty_budget", columns, rows)
+        tables.write("uncertainty_budget", columns, rows)
 
 
 def budgets_answer(budgets: Sequence[Budget]) -> Uncertainty:
@@ -119,88 +120,66 @@ def friction_answer(friction: FrictionIdentification) -> Friction:
 
 def write_friction(friction: FrictionIdentification, tables: Tables) -> None:
     """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
-    branches = [(m, b) for m in friction.models for b in m.branches]
+    written = (_friction_curves(friction), _friction_models(friction), _friction_figures(friction))
+    for name, columns, found in chain(*written):
+        if blocks := list(found):
+            tables.write(name, columns, blocks)
+
+
+def _friction_curves(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and blocks of what was measured."""
+    measured = ((c.branch, c.v, c.force, c.ci_low, c.ci_high, c.count.astype(float)) for c in friction.curves)
+    yield "friction_curves", "branch, v, force [N], ci_low [N], ci_high [N], count [1]", measured
+    slips = (
+        (c.recording, float(i), float(c.direction), c.time, c.speed, c.friction)
+        for i, c in enumerate(friction.stick_slips)
+        if c.time.size
+    )
+    yield "friction_cuts", "recording, cut [1], direction [1], time [s], speed [m/s], force [N]", slips
+    averages = (
+        (a.branch, float(a.direction), a.speed, a.friction, a.error, a.count.astype(float)) for a in friction.averages
+    )
+    columns = "branch, direction [1], speed [m/s], force [N], error [N], count [1]"
+    yield "friction_averages", columns, averages
+
+
+def _friction_models(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and blocks of the models."""
+    branches = [(m.name, b) for m in friction.models for b in m.branches]
     grid = np.linspace(-friction.domain.max_velocity, friction.domain.max_velocity, MODEL_POINTS)
-    models = [(m.name, b.branch, grid, b.force(grid)) for m, b in branches]
-    tables.write_blocks("friction_models", "model, branch, v, force [N]", models)
-    blocks: dict[str, tuple[str, list[Block]]] = {
-        "friction_replays": (
-            "model, time, v, v_model [m/s], a, a_model [m/s^2]",
-            [(r.model, r.time, r.v, r.v_model, r.a, r.a_model) for r in friction.replays],
-        ),
-        "friction_curves": (
-            "branch, v, force [N], ci_low [N], ci_high [N], count [1]",
-            [(c.branch, c.v, c.force, c.ci_low, c.ci_high, c.count.astype(float)) for c in friction.curves],
-        ),
-        "friction_cuts": (
-            "recording, cut [1], direction [1], time [s], speed [m/s], force [N]",
-            [
-                (c.recording, float(i), float(c.direction), c.time, c.speed, c.friction)
-                for i, c in enumerate(friction.stick_slips)
-                if c.time.size
-            ],
-        ),
-        "friction_averages": (
-            "branch, direction [1], speed [m/s], force [N], error [N], count [1]",
-            [
-                (a.branch, float(a.direction), a.speed, a.friction, a.error, a.count.astype(float))
-                for a in friction.averages
-            ],
-        ),
-        "tp_weights": (
-            "model, branch, vertex [1], v, weight [1]",
-            [
-                (m.name, b.branch, float(vertex), b.tp.grids[0], weight)
-                for m, b in branches
-                if b.tp is not None
-                for vertex, weight in enumerate(b.tp.weights[0].T)
-            ],
-        ),
-        "tp_vertices": (
-            "model, branch, vertex [1], a22 [1/s]",
-            [
-                (m.name, b.branch, np.arange(float(b.tp.vertices.size)), b.tp.vertices.ravel())
-                for m, b in branches
-                if b.tp is not None
-            ],
-        ),
-    }
-    for name, (columns, listed) in blocks.items():
-        if listed:
-            tables.write_blocks(name, columns, listed)
-    for name, (columns, listed) in _friction_rows(friction).items():
-        if listed:
-            tables.write_rows(name, columns, listed)
+    models = ((name, b.branch, grid, b.force(grid)) for name, b in branches)
+    yield "friction_models", "model, branch, v, force [N]", models
+    replays = ((r.model, r.time, r.v, r.v_model, r.a, r.a_model) for r in friction.replays)
+    yield "friction_replays", "model, time, v, v_model [m/s], a, a_model [m/s^2]", replays
+    parameters = ((model, b.branch, name, *one.row) for model, b in branches for name, one in b.parameters.items())
+    yield "friction_parameters", f"model, branch, name, {FIGURE_COLUMNS}", parameters
+    convex = [(name, b.branch, b.tp) for name, b in branches if b.tp is not None]
+    weights = (
+        (name, branch, float(vertex), tp.grids[0], weight)
+        for name, branch, tp in convex
+        for vertex, weight in enumerate(tp.weights[0].T)
+    )
+    yield "tp_weights", "model, branch, vertex [1], v, weight [1]", weights
+    vertices = ((name, branch, np.arange(float(tp.vertices.size)), tp.vertices.ravel()) for name, branch, tp in convex)
+    yield "tp_vertices", "model, branch, vertex [1], a22 [1/s]", vertices
 
 
-def _friction_rows(friction: FrictionIdentification) -> dict[str, tuple[str, list[Block]]]:
-    """Return columns and rows of the tables of numbers by name."""
+def _friction_figures(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and rows of what recordings have one of."""
     keys = "model recording use channel rmsd unit percent relative_percent noise"
     lacks = {name: ", ".join(effects) for name, effects in friction.unmodelled_effects.items()}
-    return {
-        "friction_deviations": (
-            "model, recording, use, channel, rmsd [see column unit], unit, percent [%], relative_percent [%], "
-            "noise [see column unit], lacks",
-            [(*named(d, keys).values(), lacks[d.model]) for d in friction.deviations],
-        ),
-        "friction_parameters": (
-            f"model, branch, name, {FIGURE_COLUMNS}",
-            [
-                (m.name, b.branch, name, *one.row)
-                for m in friction.models
-                for b in m.branches
-                for name, one in b.parameters.items()
-            ],
-        ),
-        "friction_kinetic": (
-            "recording, p1, speed [m/s], friction [N], ci_low [N], ci_high [N], offset [N]",
-            [
-                (k.recording, k.pressures.get("p1"), k.speed, f.value, f.low, f.high, k.offset.value)
-                for k in friction.kinetic
-                for f in [k.friction]
-            ],
-        ),
-    }
+    columns = (
+        "model, recording, use, channel, rmsd [see column unit], unit, percent [%], relative_percent [%], "
+        "noise [see column unit], lacks"
+    )
+    deviations = ((*named(d, keys).values(), lacks[d.model]) for d in friction.deviations)
+    yield "friction_deviations", columns, deviations
+    levels = (
+        (k.recording, k.pressures.get("p1", np.nan), k.speed, f.value, f.low, f.high, k.offset.value)
+        for k in friction.kinetic
+        for f in [k.friction]
+    )
+    yield "friction_kinetic", "recording, p1, speed [m/s], friction [N], ci_low [N], ci_high [N], offset [N]", levels
 
 
 def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Estimate], tables: Tables) -> None:
@@ -208,32 +187,14 @@ def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Esti
 
     Commands are those that went to the valve. A column has the chamber where both are driven.
     """
-    area = area_unit(estimates)
-    kinds: dict[str, tuple[str, Callable[[ValveIdentification], Iterable[Block]]]] = {
-        "valve_map": (
-            "u [V], p [Pa], p_gradient [Pa/s], p_gradient_ci_low [Pa/s], p_gradient_ci_high [Pa/s], covered [1]",
-            _map,
-        ),
-        "valve_inverse": ("p_gradient [Pa/s], p [Pa], u [V], reachable [1]", _inverse),
-        "valve_lack_of_fit": (
-            "u [V], p [Pa], model [Pa/s], model_ci_low [Pa/s], model_ci_high [Pa/s], measured [Pa/s], "
-            "measured_ci_low [Pa/s], measured_ci_high [Pa/s], difference [Pa/s], outside [1]",
-            _lack_of_fit_columns,
-        ),
-        "valve_areas": (
-            f"u [V], opening [V], area [{area}], ci_low [{area}], ci_high [{area}]",
-            partial(_areas, estimates=estimates),
-        ),
-        "valve_curves": (
-            "recording, u [V], time [s], measured [Pa], fitted [Pa], gradient [Pa/s], ci_low [Pa/s], ci_high [Pa/s], "
-            "mass_flow [kg/s]",
-            _curves,
-        ),
-    }
     both = valves[0].model_gradient.model.rig.arrangement.drives_both
-    for name, (columns, blocks) in kinds.items():
-        listed = [(valve.chamber, *block) if both else block for valve in valves for block in blocks(valve)]
-        tables.write_blocks(name, f"chamber [1], {columns}" if both else columns, listed)
+    written: dict[tuple[str, str], list[Block]] = {}
+    for valve in valves:
+        for name, columns, blocks in _valve_tables(valve, estimates):
+            own = [(valve.chamber, *block) if both else block for block in blocks]
+            written.setdefault((name, columns), []).extend(own)
+    for (name, columns), listed in written.items():
+        tables.write(name, f"chamber [1], {columns}" if both else columns, listed)
 
 
 def area_unit(estimates: Sequence[Estimate]) -> str:
@@ -241,41 +202,37 @@ def area_unit(estimates: Sequence[Estimate]) -> str:
     return next((e.unit for e in estimates if e.unit.startswith("m^2") and "area" in e.name), "m^2")
 
 
-def _map(valve: ValveIdentification) -> Iterator[Block]:
-    grid = valve.map
+def _valve_tables(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Iterator[Written]:
+    """Yield name, columns and blocks of the tables of one valve; lack of fit is that of covered commands."""
+    grid, inverse, lack, back = valve.map, valve.inverse, valve.lack_of_fit, valve.command_conversion.from_opening
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
-    yield tuple(values.ravel() for values in (u, p, grid.gradient, grid.ci_low, grid.ci_high, grid.covered))
-
-
-def _inverse(valve: ValveIdentification) -> Iterator[Block]:
-    inverse = valve.inverse
+    gradients = "p_gradient [Pa/s], p_gradient_ci_low [Pa/s], p_gradient_ci_high [Pa/s]"
+    values: Block = (u, p, grid.gradient, grid.ci_low, grid.ci_high, grid.covered)
+    yield "valve_map", f"u [V], p [Pa], {gradients}, covered [1]", [[one.ravel() for one in values]]
     gradient, p = np.meshgrid(inverse.p_gradient, inverse.p, indexing="ij")
-    yield tuple(values.ravel() for values in (gradient, p, inverse.u, inverse.reachable))
-
-
-def _lack_of_fit_columns(valve: ValveIdentification) -> Iterator[Block]:
-    """Yield the model's valve and the measured gradients at covered commands."""
-    lack = valve.lack_of_fit
+    values = (gradient, p, inverse.u, inverse.reachable)
+    yield "valve_inverse", "p_gradient [Pa/s], p [Pa], u [V], reachable [1]", [[one.ravel() for one in values]]
     model, measured = (
         (middle, middle - half, middle + half)
         for middle, half in ((lack.model, Z95 * lack.model_error), (lack.measured, lack.half_interval))
     )
-    u = valve.command_conversion.from_opening(lack.u)
-    yield tuple(values[lack.covered] for values in (u, lack.p, *model, *measured, lack.difference, lack.outside))
-
-
-def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Iterator[Block]:
-    """Yield the effective areas of the model's valve."""
-    found = {e.name: e for e in estimates}
+    values = (back(lack.u), lack.p, *model, *measured, lack.difference, lack.outside)
+    columns = (
+        "u [V], p [Pa], model [Pa/s], model_ci_low [Pa/s], model_ci_high [Pa/s], measured [Pa/s], "
+        "measured_ci_low [Pa/s], measured_ci_high [Pa/s], difference [Pa/s], outside [1]"
+    )
+    yield "valve_lack_of_fit", columns, [[one[lack.covered] for one in values]]
+    found, unit = {e.name: e for e in estimates}, area_unit(estimates)
     areas = [(c, found[name]) for c, name in valve.model_gradient.valve.area_names.items() if name in found]
     opening, area, low, high = np.array([(c, e.value, *e.ci95) for c, e in areas]).reshape(-1, 4).T
-    yield valve.command_conversion.from_opening(opening), opening, area, low, high
-
-
-def _curves(valve: ValveIdentification) -> Iterator[Block]:
-    for c in valve.curves:
-        gradient = (c.gradient, c.ci_low, c.ci_high, mass_flow(valve, c.gradient))
-        yield c.recording, c.u, c.time, c.measured, c.fitted, *gradient
+    columns = f"u [V], opening [V], area [{unit}], ci_low [{unit}], ci_high [{unit}]"
+    yield "valve_areas", columns, [(back(opening), opening, area, low, high)]
+    curves = (
+        (c.recording, c.u, c.time, c.measured, c.fitted, c.gradient, c.ci_low, c.ci_high, mass_flow(valve, c.gradient))
+        for c in valve.curves
+    )
+    columns = "u [V], time [s], measured [Pa], fitted [Pa], gradient [Pa/s], ci_low [Pa/s], ci_high [Pa/s]"
+    yield "valve_curves", f"recording, {columns}, mass_flow [kg/s]", curves
 
 
 def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDArray[np.float64]:

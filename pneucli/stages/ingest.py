@@ -446,7 +446,7 @@ def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) ->
         "name, experiment, use, chamber_2, imposed, valve_shut, chamber [1], added_mass [kg], file, sha256, "
         f"rows_read [1], samples [1], {losses}, period [s]"
     )
-    tables.write_rows("recordings", columns, [[row[key] for key in row if key not in NOT_IN_TABLE] for row in rows])
+    tables.write("recordings", columns, [[row[key] for key in row if key not in NOT_IN_TABLE] for row in rows])
     noise = [
         (
             *(one.source.name, name, SIGNALS[name].unit, m.white, m.coloured, m.pole, m.period, m.step),
@@ -460,7 +460,7 @@ def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) ->
         "recording, signal, unit, white [column unit], coloured [column unit], pole [1], period [s], "
         "step [column unit], least [column unit], most [column unit], lines"
     )
-    tables.write_rows("noise", columns, noise)
+    tables.write("noise", columns, noise)
     repairs = _repairs(done)
     listed = {one.name: [getattr(repair, one.name) for repair in repairs] for one in fields(RepairAnswer)}
     table = listed | {"count": np.array(listed["count"], np.int64)}

@@ -198,7 +198,7 @@ def write_plan(
     write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
     tables = Tables(out, "plan", Provenance({}, {"plan": context.config.document.get("plan", {})}))
     columns = "effect, parameter, size [see column unit], unit, power [1], typical [1]"
-    tables.write_rows("power", columns, map(astuple, answer.power))
+    tables.write("power", columns, map(astuple, answer.power))
     write_text(out / PAGE_FILE, plan_page(answer, predictions))
     if targets := {*context.options.get("to", [])} & {"c", "st"}:
         played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]

@@ -80,7 +80,7 @@ def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
     ]
     tables = study.tables("simulate", "ingest/signals.parquet", "identify/model.parquet")
     columns = "scenario, channel, unit, time, value [see column unit], measured [see column unit]"
-    tables.write_blocks("open_loop", columns, blocks)
+    tables.write("open_loop", columns, blocks)
 
 
 def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
@@ -159,7 +159,7 @@ def _write_monte_carlo(study: PipelineData, rows: Sequence[Mapping[str, Any]], r
     listed = [
         (r["run"], r["scenario"], r["effect"], _sizes(r["sizes"]), *(float(r[name]) for name in figures)) for r in rows
     ]
-    tables.write_rows("robust", f"run [1], scenario, effect, sizes, {figure_columns(figures)}", listed)
+    tables.write("robust", f"run [1], scenario, effect, sizes, {figure_columns(figures)}", listed)
     held = [(r.check, r.effect, r.limit, float(r.held), float(r.runs), r.worst, float(r.worst_run)) for r in rates]
     columns = "check, effect, limit [the figure's], held [1], runs [1], worst [the figure's], worst_run [1]"
-    tables.write_rows("robust_rates", columns, held)
+    tables.write("robust_rates", columns, held)
