@@ -14,7 +14,7 @@ from types import NoneType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
-INTERVAL_UNITS = dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit")
+FIGURE_COLUMNS = "value [see column unit], unit, ci_low [see column unit], ci_high [see column unit]"
 _OPTIONAL, _LAYOUT, _FLAT = {"optional": True}, "layout", "flat"
 
 
@@ -46,9 +46,9 @@ class Figure:
         return {"value": value, "unit": self.unit, "ci95": ends}
 
     @property
-    def columns(self) -> dict[str, Any]:
-        """The figure in a row of a table, whose units are ``INTERVAL_UNITS``."""
-        return {"value": self.value, "unit": self.unit, "ci_low": self.low, "ci_high": self.high}
+    def row(self) -> tuple[float, str, float, float]:
+        """The figure in a row of a table, under ``FIGURE_COLUMNS``."""
+        return self.value, self.unit, self.low, self.high
 
 
 def named(one: object, names: str) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def _key(one: Field[Any]) -> str:
 
 def _read_field(one: Field[Any], kind: Any, content: Mapping[str, Any]) -> Any:
     if _FLAT in one.metadata:
-        keys = one.metadata[_FLAT] or {_key(f): _key(f) for f in fields(get_args(kind)[0])}
+        keys = one.metadata[_FLAT] or {_key(f): _key(f) for f in fields(next(iter(get_args(kind)), kind))}
         there = {entry: content[key] for key, entry in keys.items() if key in content}
         return _read(kind, there if there or kind is Figure else None)
     if _key(one) in content:

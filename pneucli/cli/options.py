@@ -23,7 +23,16 @@ Out = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object, and nothing else.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="The tables behind the verdict as well.")]
-EXECUTORS = "local (default), dask://host:port, or a TOML file of a cluster"
+Executor = Annotated[
+    str | None,
+    typer.Option(
+        "--executor",
+        metavar="WHERE",
+        help="Where long work is done: local (default), dask://host:port, or a TOML file of a cluster.",
+        show_default=False,
+    ),
+]
+Page = Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with the curves as well.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no messages on standard error.")]
 
 

@@ -27,6 +27,7 @@ from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import loop_timing
 from pneucli.design.requirements import Requirements
+from pneucli.messages.design import LoopMargins
 from pneucli.physics.declaration import Effect
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
@@ -344,28 +345,6 @@ COMMAND_LOOPS, POSITION_LOOP = ("command", "command 2"), "position"
 
 
 @dataclass(frozen=True)
-class Margins:
-    """Margins of one loop.
-
-    Attributes:
-        gain_up: Factor by which the gain may rise; infinite: any.
-        gain_down: Factor by which the gain may fall; 0: any.
-        phase: Phase margin in rad.
-        delay: Additional delay in s; infinite: any.
-        modulus: Least distance of L from -1.
-        crossover: Highest frequency in rad/s with ``|L| = 1``; NaN: none.
-
-    """
-
-    gain_up: float
-    gain_down: float
-    phase: float
-    delay: float
-    modulus: float
-    crossover: float
-
-
-@dataclass(frozen=True)
 class LoopCut:
     """A cut loop at one operating point: place of the cut, return ratio over frequencies (rad/s), margins."""
 
@@ -374,7 +353,7 @@ class LoopCut:
     speed: float
     frequency: Array
     ratio: Complex
-    margins: Margins
+    margins: LoopMargins
 
 
 @dataclass(frozen=True)
@@ -435,7 +414,7 @@ def return_ratio(loops: NDArray[Any], i: int) -> Complex:
     return np.asarray(np.linalg.det(whole) / np.linalg.det(whole[:, others][:, :, others]) - 1.0)
 
 
-def stability_margins(frequency: Array, L: Complex) -> Margins:
+def stability_margins(frequency: Array, L: Complex) -> LoopMargins:
     """Return the margins of a return ratio over frequencies (rad/s), with linear interpolation."""
     size, angle = np.log(np.abs(L)), np.unwrap(np.angle(-L))  # of -L, which is 0 where L lies on the negative axis
     at_one = _crossings(size)
@@ -443,7 +422,7 @@ def stability_margins(frequency: Array, L: Complex) -> Margins:
     speeds = np.array([_interpolate(frequency, i, w) for i, w in at_one])
     sizes = np.exp([_interpolate(size, i, w) for i, w in _phase_crossovers(angle)])
     near = (phases + math.pi) % (2.0 * math.pi) - math.pi
-    return Margins(
+    return LoopMargins(
         gain_up=float(np.min(1.0 / sizes[sizes < 1.0], initial=math.inf)),
         gain_down=float(np.max(1.0 / sizes[sizes >= 1.0], initial=0.0)),
         phase=float(np.min(np.abs(near), initial=math.pi)),

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from pneucli.config.key_reference import CLOSED_LOOP, MODELS, MONTE_CARLO, OPEN_LOOP, Key, all_keys
+from pneucli.config.key_reference import CLOSED_LOOP, MONTE_CARLO, OPEN_LOOP, Key, all_keys, table_models
 from pneucli.config.pipeline_tables import PipelineConfig
 from pneucli.physics.effects import catalogue_with_sides
 
@@ -20,7 +20,7 @@ def json_schema(effects: Iterable[str] = ()) -> dict[str, Any]:
     """Return the schema (draft 2020-12); ``effects`` are names to be offered where one is asked for."""
     made = PipelineConfig.model_json_schema(by_alias=True)
     known = all_keys()
-    for table, model in MODELS.items():
+    for table, model in table_models().items():
         properties = made["$defs"][model.__name__]["properties"]
         for key in known:
             if key.table == table:

@@ -18,42 +18,11 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from pneucli.config.pipeline_tables import MoreTable, PipelineTable, RecordingTable
-from pneucli.config.rig_table import CylinderTable, RigTable, SourceTable, ValveTable, VesselTable
-from pneucli.config.signal_tables import ClockTable, SignalTable, WhereTable
-from pneucli.config.stage_tables import (
-    CheckTable,
-    CompareTable,
-    FrictionTable,
-    IdentifyTable,
-    ModelTable,
-    ParameterTable,
-    PlanTable,
-)
+from pneucli.config.pipeline_tables import PipelineConfig
+from pneucli.config.signal_tables import SignalsTable, SignalTable
 from pneucli.config.value_types import QuantityReader
 from pneucli.quantities import ROTARY_UNITS
 
-MODELS: dict[str, type[BaseModel]] = {
-    "pipeline": PipelineTable,
-    "rig": RigTable,
-    "rig.vessel": VesselTable,
-    "rig.valve": ValveTable,
-    "rig.source": SourceTable,
-    "rig.cylinder": CylinderTable,
-    "signals.NAME": SignalTable,
-    "signals.NAME.where": WhereTable,
-    "signals.NAME.time": ClockTable,
-    "recordings": RecordingTable,
-    "recordings.more": MoreTable,
-    "model": ModelTable,
-    "model.parameters.NAME": ParameterTable,
-    "identify": IdentifyTable,
-    "identify.friction": FrictionTable,
-    "compare": CompareTable,
-    "plan": PlanTable,
-    "checks.PATH": CheckTable,
-}
-LAST_TABLE = "checks.PATH"  # on the page
 OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO = (f"scenarios, kind = {k}" for k in ("open-loop", "closed-loop", "monte-carlo"))
 
 
@@ -80,8 +49,32 @@ def key_texts() -> dict[str, dict[str, tuple[str, str]]]:
     return {t: {name: (says, example) for name, (says, example) in own.items()} for t, own in tables.items()}
 
 
+@cache
+def table_models() -> dict[str, type[BaseModel]]:
+    """Return the models that check the tables of ``keys.toml``, but for those that stages read themselves."""
+    return {table: _model_at(table) for table in key_texts() if table.partition(",")[0] not in ("design", "scenarios")}
+
+
+def _model_at(table: str) -> type[BaseModel]:
+    """Return the model of a table; NAME and PATH stand for any key."""
+    model: type[BaseModel] = PipelineConfig
+    for part in table.split("."):
+        if part in model.model_fields:
+            inner = _inner_types(model.model_fields[part].annotation)
+            model = next(one for one in inner if isinstance(one, type) and issubclass(one, BaseModel))
+        elif model is SignalsTable:
+            model = SignalTable
+    return model
+
+
+def _inner_types(annotation: Any) -> Iterator[Any]:
+    yield annotation
+    for one in get_args(annotation):
+        yield from _inner_types(one)
+
+
 def all_keys() -> list[Key]:
-    """Return every key that the pipeline file may have, table after table, in the order in which the models have them.
+    """Return every key that the pipeline file may have, table after table, in the order of ``keys.toml``.
 
     A key that ``keys.toml`` lacks has no text; a test asks for it.
     """
@@ -89,14 +82,16 @@ def all_keys() -> list[Key]:
     for table, name, unit, default, choices in _keys_of_stages():
         says, example = _entry(table, name)
         found.append(Key(table, name, says, unit, default, choices, False, example))
-    order = [*(t for t in MODELS if t != LAST_TABLE), "design", OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO, LAST_TABLE]
+    order = [*key_texts()]
     return sorted(found, key=lambda key: order.index(key.table))
 
 
 def _fields() -> Iterator[tuple[str, str, FieldInfo]]:
-    for table, model in MODELS.items():
+    for table, model in table_models().items():
         for name, field in model.model_fields.items():
-            if f"{table}.{name}" not in MODELS or name in key_texts().get(table, {}):  # a table has its own rows
+            if f"{table}.{name}" not in table_models() or name in key_texts().get(
+                table, {}
+            ):  # a table has its own rows
                 yield table, field.alias or name, field
 
 

@@ -17,29 +17,19 @@ from pneucli.diagnose.constraints import has_null, interval_contains_null, viola
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.decision import Judgement, log_odds_among_equivalents
 from pneucli.diagnose.detectability import MinimumDetectableEffect, minimum_detectable_effects, undetectable_effects
-from pneucli.diagnose.discrepancy import Discrepancy, UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
+from pneucli.diagnose.discrepancy import UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path
 from pneucli.diagnose.set_evidence import SetProbability, set_probabilities
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.intervals import with_intervals_over_models
 from pneucli.identify.residuals import FreeRun
+from pneucli.messages.diagnose import Discrepancy, Shift
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
 
 MAX_UNDETECTABLE_SHARE = 0.5  # of the observable effects: with more undetectable ones no model is called adequate
 MIN_PARAMETER_SHIFT = 0.2  # of a base parameter's value, if it also exceeds two standard errors
-
-
-@dataclass(frozen=True)
-class ParameterShift:
-    """A base parameter that the added effects changed; not plausible where it ended at a bound."""
-
-    parameter: str
-    before: float
-    after: float
-    unit: str
-    plausible: bool
 
 
 class Confidence(NamedTuple):
@@ -66,7 +56,7 @@ class Diagnosis:
     equivalents: Mapping[str, tuple[str, ...]]
     path: SelectionPath
     fit: Fit
-    parameter_shifts: tuple[ParameterShift, ...]
+    parameter_shifts: tuple[Shift, ...]
     detectable: tuple[MinimumDetectableEffect, ...]
     unexplained: UnexplainedResidual | None
     confidence: Mapping[str, Confidence]
@@ -210,10 +200,10 @@ def _first_decision_each(decisions: Sequence[Decision]) -> tuple[Decision, ...]:
     return tuple(first.values())
 
 
-def _parameter_shifts(before: Fit, after: Fit) -> list[ParameterShift]:
+def _parameter_shifts(before: Fit, after: Fit) -> list[Shift]:
     after_by_name = {e.name: e for e in after.estimates}
     return [
-        ParameterShift(e.name, e.value, after_by_name[e.name].value, e.unit, not after_by_name[e.name].at_bound)
+        Shift(e.name, e.value, after_by_name[e.name].value, e.unit, not after_by_name[e.name].at_bound)
         for e in before.estimates
         if e.name in after_by_name and _has_shifted(e, after_by_name[e.name])
     ]

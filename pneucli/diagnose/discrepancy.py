@@ -17,6 +17,7 @@ from pneucli.diagnose.equivalence import CHANCE_COST_RATIO
 from pneucli.diagnose.spline_regression import SmoothTerm
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel
+from pneucli.messages.diagnose import Discrepancy
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 
@@ -37,20 +38,6 @@ class PeriodicTerm(NamedTuple):
 
     variable: str
     length: float
-    share: float
-
-
-@dataclass(frozen=True)
-class Discrepancy:
-    """One channel of one subsystem: its rms over that of noise (``size``), the correlation time in s (None where
-    unknown), the signal of which it is a function (or None), and its share of all squares in excess of noise.
-    """
-
-    subsystem: str
-    channel: str
-    size: float
-    time_constant: float | None
-    over: str | None
     share: float
 
 

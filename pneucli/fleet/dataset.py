@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 
 from pneucli.arrays import Array
-from pneucli.figure import Figure, to_json
+from pneucli.figure import FIGURE_COLUMNS, Figure, to_json
 from pneucli.fleet.row_files import RowResult
-from pneucli.io.artifacts import Provenance, TableWriter, schema_of
+from pneucli.io.artifacts import Provenance, TableWriter, schema_from
 
 MIN_DATES = 3  # two dates show no trend
 
@@ -38,31 +37,13 @@ class Trend:
 
 PART_FILE = "part-0.parquet"
 RESULTS, PARAMETERS, CHANGES, TRENDS = "results", "parameters", "changes", "trends.parquet"
-_TEXT, _NUMBER, _LIST = pa.string(), pa.float64(), pa.list_(pa.string())
-COLUMNS: Mapping[str, Mapping[str, Any]] = {
-    RESULTS: {
-        **dict.fromkeys(("rig", "verdict"), _TEXT),
-        "missing": _LIST,
-        **dict.fromkeys(("error_train", "error_test", "seconds", "core_seconds"), _NUMBER),
-        **dict.fromkeys(("failure", "cause", "since"), _TEXT),
-        "changed": _LIST,
-        "p_value": _NUMBER,
-        **dict.fromkeys(("report", "program"), _TEXT),
-    },
-    PARAMETERS: {"rig": _TEXT, "name": _TEXT, "value": _NUMBER, "unit": _TEXT, "ci_low": _NUMBER, "ci_high": _NUMBER},
-    CHANGES: {
-        **dict.fromkeys(("rig", "name", "effect"), _TEXT),
-        **dict.fromkeys(("before", "after"), _NUMBER),
-        "unit": _TEXT,
-        **dict.fromkeys(("ci_low", "ci_high", "confidence", "confidence_alone"), _NUMBER),
-        "indistinguishable_from": _LIST,
-        "since": _TEXT,
-    },
-}
-UNITS = {
-    **dict.fromkeys(("error_train", "error_test", "p_value", "confidence", "confidence_alone"), "1"),
-    **dict.fromkeys(("seconds", "core_seconds"), "s"),
-    **dict.fromkeys(("value", "ci_low", "ci_high", "before", "after", "error"), "see column unit"),
+LISTS = dict.fromkeys(("missing", "changed", "indistinguishable_from"), pa.list_(pa.string()))
+COLUMNS = {
+    RESULTS: "rig, verdict, missing, error_train [1], error_test [1], seconds [s], core_seconds [s], failure, cause, "
+    "since, changed, p_value [1], report, program",
+    PARAMETERS: f"rig, name, {FIGURE_COLUMNS}",
+    CHANGES: "rig, name, effect, before [see column unit], after [see column unit], unit, ci_low [see column unit], "
+    "ci_high [see column unit], confidence [1], confidence_alone [1], indistinguishable_from, since",
 }
 
 
@@ -87,16 +68,14 @@ def _records(name: str, result: RowResult) -> list[dict[str, Any]]:
 
 
 def _figure(one: Figure) -> dict[str, Any]:
-    return {
-        key: value if isinstance(value, str) or math.isfinite(value) else None for key, value in one.columns.items()
-    }
+    return dict(zip(("value", "unit", "ci_low", "ci_high"), map(to_json, one.row), strict=True))
 
 
 def _write(path: Path, name: str, records: Sequence[Mapping[str, Any]], provenance: Provenance) -> None:
-    types = COLUMNS[name]
-    schema = schema_of(types, units=UNITS, schema=f"pneucli/fleet/{name}/1", provenance=provenance)
+    lists = {column: kind for column, kind in LISTS.items() if column in COLUMNS[name]}
+    schema = schema_from(COLUMNS[name], schema=f"pneucli/fleet/{name}/1", provenance=provenance, **lists)
     with TableWriter(path, schema) as writer:
-        writer.write({column: [record.get(column) for record in records] for column in types})
+        writer.write({column: [record.get(column) for record in records] for column in schema.names})
 
 
 def _remove_others(folder: Path, present: set[str]) -> None:
@@ -110,24 +89,16 @@ def _remove_others(folder: Path, present: set[str]) -> None:
 
 def write_trends(path: Path, trends: Sequence[Trend], provenance: Provenance) -> None:
     """Write a row for each rig, parameter and date; ``level`` numbers the levels between change points, from 0."""
-    types: dict[str, Any] = {
-        "rig": _TEXT,
-        "name": _TEXT,
-        "date": _TEXT,
-        "value": _NUMBER,
-        "error": _NUMBER,
-        "unit": _TEXT,
-    }
-    types["level"] = pa.int32()
     rows = [
         (t.rig, t.name, date, value, error, t.unit, sum(i >= b for b in t.change_points))
         for t in trends
         for i, (date, value, error) in enumerate(zip(t.dates, t.values, t.errors, strict=True))
     ]
-    columns = list(zip(*rows, strict=True)) if rows else [()] * len(types)
-    schema = schema_of(types, units=UNITS | {"level": "1"}, schema="pneucli/fleet/trends/1", provenance=provenance)
+    columns = "rig, name, date, value [see column unit], error [see column unit], unit, level [1]"
+    schema = schema_from(columns, schema="pneucli/fleet/trends/1", provenance=provenance, level=pa.int32())
+    cells = list(zip(*rows, strict=True)) if rows else [()] * len(schema.names)
     with TableWriter(path, schema) as writer:
-        writer.write(dict(zip(types, map(list, columns), strict=True)))
+        writer.write(dict(zip(schema.names, map(list, cells), strict=True)))
 
 
 def find_change_points(values: Array, errors: Array) -> tuple[int, ...]:

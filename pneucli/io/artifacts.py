@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,6 +88,13 @@ def schema_of(
     if provenance.inputs is not None:
         about["inputs"] = json.dumps(dict(provenance.inputs), sort_keys=True)
     return pa.schema(fields, metadata={_PREFIX + key: value for key, value in about.items()})
+
+
+def schema_from(columns: str, *, schema: str, provenance: Provenance, **types: pa.DataType) -> pa.Schema:
+    """Return the Arrow schema of columns as :meth:`Tables.write` takes them: numbers and texts, but for ``types``."""
+    names, units = _declared(columns)
+    kinds = {name: pa.float64() if name in units else pa.string() for name in names}
+    return schema_of(kinds | types, units=units, schema=schema, provenance=provenance)
 
 
 def _unit(name: str, kind: pa.DataType, units: Mapping[str, str]) -> str:
@@ -172,18 +179,42 @@ class Tables:
     stage: str
     made_by: Provenance
 
-    def write(self, name: str, columns: Mapping[str, ArrayLike], units: Mapping[str, str] | None = None) -> None:
-        """Write one table, as :func:`write_table` does."""
-        schema = f"pneucli/{self.stage}/{name}/1"
-        write_table(self.out / f"{name}.parquet", columns, units=units, schema=schema, provenance=self.made_by)
+    def write(self, name: str, columns: str, rows: Iterable[Sequence[Any]]) -> None:
+        """Write a table, also one without rows.
 
-    def write_rows(self, name: str, rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> None:
-        """Write rows; the columns that have a unit are floats or booleans. Nothing where there is no row."""
-        if rows:
-            columns: dict[str, Any] = {key: [row[key] for row in rows] for key in rows[0]}
-            numbers = {k: np.array(c) for k, c in columns.items() if k in units}
-            numbers = {k: c if c.dtype == np.bool_ else c.astype(np.float64) for k, c in numbers.items()}
-            self.write(name, columns | numbers, units)
+        Args:
+            name: Its name.
+            columns: What each row holds, in its order, with its unit: ``"channel, lag [s], correlation [1]"``. A
+                column without one has the unit of the signal of its name, or is text.
+            rows: Its rows, or blocks of rows: arrays, beside which a number or a text stands in each row. A number
+                that is None is NaN.
+        """
+        names, units = _declared(columns)
+        blocks = [_of_one_size(row) for row in rows] or [[np.zeros(0, None if n in units else object) for n in names]]
+        stacked = [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
+        table = {n: v.tolist() if v.dtype == object else v for n, v in zip(names, stacked, strict=True)}
+        schema = f"pneucli/{self.stage}/{name}/1"
+        write_table(self.out / f"{name}.parquet", table, units=units, schema=schema, provenance=self.made_by)
+
+
+def _declared(columns: str) -> tuple[list[str], dict[str, str]]:
+    """Return the names of columns, and the units of those that have one.
+
+    >>> _declared("channel, lag [s], x")
+    (['channel', 'lag', 'x'], {'lag': 's', 'x': 'm'})
+    """
+    pairs = [column.removesuffix("]").partition(" [") for column in columns.split(", ")]
+    units = {name: unit or SIGNALS[name].unit for name, _, unit in pairs if unit or name in SIGNALS}
+    return [name for name, *_ in pairs], units
+
+
+def _of_one_size(block: Sequence[Any]) -> list[NDArray[Any]]:
+    size = max((np.size(one) for one in block if np.ndim(one)), default=1)
+    return [np.asarray(one) if np.ndim(one) else _repeated(one, size) for one in block]
+
+
+def _repeated(one: Any, size: int) -> NDArray[Any]:
+    return np.full(size, np.nan if one is None else one, dtype=object if isinstance(one, str) else None)
 
 
 def _column(values: ArrayLike) -> Any:

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
-from pneucli.io.artifacts import Provenance, read_table, schema_of
+from pneucli.io.artifacts import Provenance, read_table, schema_from
 from pneucli.noise import NoiseModel
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
@@ -24,9 +24,8 @@ NOISE_FILE, REPAIRS_FILE = "noise.parquet", "repairs.parquet"
 def signals_schema(names: set[str], provenance: Provenance) -> pa.Schema:
     """Return the schema of ``signals.parquet``: recording, time, then ``names`` in the nomenclature's order."""
     ordered = ["time", *(name for name in SIGNALS if name in names and name != "time")]
-    types: dict[str, Any] = {"recording": pa.string()}
-    types |= dict.fromkeys(ordered, pa.float64())
-    return schema_of(types, units={}, schema="pneucli/ingest/signals/1", provenance=provenance)
+    columns = ", ".join(["recording", *ordered])
+    return schema_from(columns, schema="pneucli/ingest/signals/1", provenance=provenance)
 
 
 def load_recordings(folder: str | Path) -> list[Recording]:

@@ -10,11 +10,12 @@ from __future__ import annotations
 import importlib
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from pneucli.figure import read
 from pneucli.paths import from_here
 
+T = TypeVar("T")
 LINE_WIDTH = 110  # of a line on a terminal
 LABEL_WIDTH = 9  # of the word that a line starts with
 
@@ -23,6 +24,11 @@ def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = 
     """Return a stage's answer as text; ``file`` is the pipeline file as the user typed it, for the commands."""
     kind = importlib.import_module(f"{__name__}.{stage}").Answer
     return "\n".join(read(kind, answer).lines(file, verbose))
+
+
+def answer_of(kind: type[T], answers: Mapping[str, Mapping[str, Any]]) -> T:
+    """Return the answer of a stage as its type in this package, from those of all stages; empty where there is none."""
+    return read(kind, answers.get(kind.__module__.rpartition(".")[2], {}))
 
 
 def labelled(label: str, text: str) -> Iterator[str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pneucli.figure import Figure, optional
 from pneucli.messages import labelled, table
 from pneucli.messages.formatting import (
+    format_fit,
     format_noise_ratio,
     format_number,
     format_percent,
@@ -29,6 +30,7 @@ FIGURES = (
     ("fast_v", "command above 50 Hz, rms", "V", 1.0),
     ("load_estimate_n", "estimate of the load, mean", "N", 1.0),
 )
+CHANNEL_TITLES = ("recording", "use", "channel", "rms error", "of range", "fit", "noise", "× noise", "99 % below")
 COLUMN_TITLES = ("figure", "predicted", "measured")
 # times the error of a correct model: a smaller excess is immaterial, however significant (measured on exams,
 # docs/method.md; held-out recordings have commands between the fitted ones); a larger one than the last counts in a
@@ -75,12 +77,12 @@ class ChannelResult:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The row of the table on a terminal."""
+        """The row of a table under ``CHANNEL_TITLES``."""
         return (
             *(self.recording, self.use, self.channel, format_quantity(self.rmsd, self.unit, 3)),
             "–" if math.isnan(self.percent) else f"{format_number(self.percent, 3)} %",
-            format_noise_ratio(self.ratio_to_noise),
-            "–" if self.ratio_limit is None else format_noise_ratio(self.ratio_limit),
+            *(format_fit(self.fit_percent), format_quantity(self.noise, self.unit, 3)),
+            *("–" if ratio is None else format_noise_ratio(ratio) for ratio in (self.ratio_to_noise, self.ratio_limit)),
         )
 
 
@@ -347,8 +349,7 @@ class Answer:
         yield from labelled("do", self.next_step(file))
         if verbose:
             yield ""
-            head = ("recording", "use", "channel", "rms error", "of range", "× noise", "99 % below")
-            yield from table(head, [c.row for c in test_first(self.channels)], texts=3)
+            yield from table(CHANNEL_TITLES, [c.row for c in test_first(self.channels)], texts=3)
 
     def next_step(self, file: str) -> str:
         """Return what to do next; ``diagnose`` names nothing where no recording has a pressure."""

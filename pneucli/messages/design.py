@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from pneucli.figure import flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.formatting import (
+    format_bounded,
     format_noise_ratio,
     format_number,
     format_percent,
@@ -155,19 +157,36 @@ class WorstMargins:
 
 
 @dataclass(frozen=True)
+class LoopMargins:
+    """Margins of one loop.
+
+    Attributes:
+        gain_up: Factor by which the gain may rise; infinite: any.
+        gain_down: Factor by which the gain may fall; 0: any.
+        phase: Phase margin in rad.
+        delay: Additional delay in s; infinite: any.
+        modulus: Least distance of the return ratio L from -1.
+        crossover: Highest frequency in rad/s with ``|L| = 1``; NaN: none.
+
+    """
+
+    gain_up: float
+    gain_down: float
+    phase: float
+    delay: float
+    modulus: float
+    crossover: float
+
+
+@dataclass(frozen=True)
 class MarginPoint:
-    """The margins of one loop at a place (m) and a speed (m/s); None where there is no limit."""
+    """The margins of one loop at a place (m) and a speed (m/s)."""
 
     loop: str
     x: float
     speed: float
     stable: bool
-    gain_up: float | None
-    gain_down: float | None
-    phase: float | None
-    delay: float | None
-    modulus: float | None
-    crossover: float | None
+    margins: LoopMargins = field(metadata=flat())
 
 
 @dataclass(frozen=True)
@@ -491,18 +510,14 @@ def observer_at_bound(law: str, observer: str, scenario: str, share: float, limi
 def law_rows(cases: Cases, tolerance_um: float) -> Iterator[list[str]]:
     """Yield a row a controller: the worst of all its scenarios, the air of all, and what it comes to."""
     for name, figures in cases.items():
-        worst = [worst_value(figures, key) for key in ("steady_um", "cycle_um", "tracking_rms_um")]
         recovery = [f["recovery_s"] for f in figures.values() if f["peak_um"] is not None]
-        fast, air = worst_value(figures, "fast_v"), sum(f["air_kg"] or 0.0 for f in figures.values())
+        longest = None if None in recovery else max((r for r in recovery if r is not None), default=math.nan)
+        air = sum(f["air_kg"] or 0.0 for f in figures.values())
         yield [
             name,
-            *("–" if w is None else format_number(w, 3) for w in worst),
-            "–"
-            if not recovery
-            else "∞"
-            if None in recovery
-            else format_number(max(r for r in recovery if r is not None), 2),
-            "–" if fast is None else format_number(fast, 2),
+            *(format_number(worst_value(figures, key), 3) for key in ("steady_um", "cycle_um", "tracking_rms_um")),
+            format_bounded(longest, 2),
+            format_number(worst_value(figures, "fast_v"), 2),
             format_number(1e3 * air, 3),
             _sliding(figures),
             rest_verdict(figures, tolerance_um),

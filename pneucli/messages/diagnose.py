@@ -34,6 +34,7 @@ from pneucli.messages.formatting import (
 from pneucli.messages.ingest import Implausible
 from pneucli.quantities import signal_title
 
+PATH_TITLES = ("with", "test, × noise", "train, × noise")
 VALIDATION_PHRASES = {
     "apart": "on recordings that were not fitted",
     "by turns": "on the fitted recordings (each held out in turn)",
@@ -63,7 +64,7 @@ class Step:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The row of a table."""
+        """The row of a table under ``PATH_TITLES``."""
         return self.add or "model as it is", format_noise_ratio(self.error_test), format_noise_ratio(self.error_train)
 
 
@@ -120,8 +121,12 @@ class DetectionLimit:
 
 
 @dataclass(frozen=True)
-class DiscrepancyAnswer:
-    """What remains in a channel beyond noise with all named effects."""
+class Discrepancy:
+    """What remains in one channel of one subsystem with all named effects.
+
+    ``size`` is its rms over that of noise, ``time_constant_s`` its correlation time where that is known, ``over`` the
+    signal of which it is a function, if any, ``share`` its part of all squares in excess of noise.
+    """
 
     subsystem: str
     channel: str
@@ -146,7 +151,7 @@ class FittedSet:
 
 @dataclass(frozen=True)
 class Shift:
-    """A base parameter that the named effects changed; ``plausible``: not to a bound."""
+    """A base parameter that the named effects changed; not ``plausible`` where it ended at a bound."""
 
     parameter: str
     from_: float
@@ -205,7 +210,7 @@ class Answer:
     error_within_fitted: float | None
     next_experiment: str | None
     detectable: Sequence[DetectionLimit]
-    discrepancy: Sequence[DiscrepancyAnswer]
+    discrepancy: Sequence[Discrepancy]
     moved: Sequence[Shift]
     unexplained: Unexplained | None
     warnings: Sequence[str]
@@ -239,7 +244,7 @@ class Answer:
         yield from each("warning", self.warnings)
         if verbose:
             yield ""
-            yield from table(("with", "test, × noise", "train, × noise"), [s.row for s in self.ladder], texts=1)
+            yield from table(PATH_TITLES, [s.row for s in self.ladder], texts=1)
             if self.sets:
                 yield ""
                 yield from table(

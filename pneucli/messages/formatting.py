@@ -169,6 +169,11 @@ def format_parameters(found: Mapping[str, Figure]) -> str:
     return ", ".join(f"{name} {'' if text.startswith('at ') else '= '}{text}" for name, text in shown.items())
 
 
+def format_bounded(value: float | None, digits: int = 3) -> str:
+    """Return a figure of the closed loop, infinity where it is without bound: None, or infinite; NaN is a dash."""
+    return "∞" if value is None or math.isinf(value) else format_number(value, digits)
+
+
 def format_noise_ratio(error: float | None) -> str:
     """Return an error over noise: three digits, below the noise floor two; none where there is no such recording."""
     return "none" if error is None or math.isnan(error) else format_number(error, 3 if error >= 0.995 else 2)
@@ -223,12 +228,14 @@ def fill_in(template: str, **values: Any) -> str:
     return _Sentences().format(template, **values)
 
 
-def format_percent(share: float) -> str:
-    """Return a share (0 to 1) in per cent.
+def format_percent(share: float | None) -> str:
+    """Return a share (0 to 1) in per cent; of None a dash.
 
     >>> format_percent(0.613), format_percent(0.002), format_percent(1e-7)
     ('61 %', '0.2 %', 'less than 0.1 %')
     """
+    if share is None:
+        return "–"
     if 0.0 < share < 0.001:
         return "less than 0.1 %"
     return f"{100 * share:.0f} %" if share >= 0.01 or share == 0.0 else f"{100 * share:.1f} %"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from pneucli.figure import Figure
-from pneucli.messages import labelled, table
+from pneucli.messages import diagnose, labelled, table
 from pneucli.messages.compare import Errors, evaluation_error
 from pneucli.messages.formatting import format_noise_ratio, format_quantity, join_names
 
+MODEL_TITLES = ("when (UTC)", "effects", "test", "train")
 BAR_LENGTH = 24  # characters of the longest bar
 
 
@@ -35,6 +37,39 @@ class Model:
     def date(self) -> str:
         """Day and time, UTC."""
         return self.when.replace("T", " ").removesuffix("Z")
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``MODEL_TITLES``."""
+        errors = (format_noise_ratio(self.error[use]) for use in ("test", "train"))
+        return self.date, ", ".join(self.effects) or "base model", *errors
+
+
+@dataclass(frozen=True)
+class PathStep:
+    """A model on the way: what it changes of the one before, its errors over noise, and whether it is only suggested.
+
+    ``present``: it is the model as it is.
+    """
+
+    label: str
+    error: Errors
+    present: bool = False
+    suggested: bool = False
+
+
+def path_steps(models: Sequence[Model], diagnosis: diagnose.Answer) -> list[PathStep]:
+    """Return models on the same data, oldest first, and what the last diagnosis would add to the last of them."""
+    first = models[0].effects if models else diagnosis.model.effects
+    labels = [f"base model{f' with {join_names(first)}' if first else ''}"]
+    for before, after in pairwise(models):
+        added = [f"+ {n}" for n in after.effects if n not in before.effects]
+        removed = [f"− {n}" for n in before.effects if n not in after.effects]
+        labels.append(" ".join([*added, *removed]) or "fitted again")
+    errors = [one.error for one in models] or [one.error for one in diagnosis.ladder[:1]]
+    steps = [PathStep(*step, present=n == len(errors)) for n, step in enumerate(zip(labels, errors, strict=True), 1)]
+    named = [step for step in diagnosis.ladder if step.add in diagnosis.missing]
+    return [*steps, *(PathStep(f"+ {step.add}", step.error, suggested=True) for step in named)]
 
 
 def lines(models: Sequence[Model], file: str, verbose: bool = False) -> Iterator[str]:
@@ -96,20 +131,10 @@ def effect_changes(first: Model, last: Model) -> str:
 def _table(models: Sequence[Model]) -> Iterator[str]:
     use, _ = evaluation_error(models[-1].error)
     most = max(m.error[use] or 0.0 for m in models)
-    rows = [
-        (
-            m.date,
-            ", ".join(m.effects) or "base model",
-            format_noise_ratio(m.error["test"]),
-            format_noise_ratio(m.error["train"]),
-            error_bar(m.error[use], most) + (" now" if m.current else ""),
-        )
-        for m in models
-    ]
-    table_rows = [(*row[:4], row[4].ljust(BAR_LENGTH + 4)) for row in rows]
-    yield from table(
-        ("when (UTC)", "effects", "test", "train", "error down to 1".ljust(BAR_LENGTH + 4)), table_rows, texts=2
-    )
+    width = BAR_LENGTH + 4
+    bars = (error_bar(m.error[use], most) + " now" * m.current for m in models)
+    rows = [(*m.row, bar.ljust(width)) for m, bar in zip(models, bars, strict=True)]
+    yield from table((*MODEL_TITLES, "error down to 1".ljust(width)), rows, texts=2)
 
 
 def error_bar(error: float | None, largest: float) -> str:

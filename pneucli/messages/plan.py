@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pneucli.figure import Figure
+from pneucli.figure import Figure, flat
 from pneucli.messages import each, labelled, table
 from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import format_figure, format_percent, format_plain, format_quantity, join_names
@@ -138,22 +138,30 @@ class ManualStep:
 
 
 @dataclass(frozen=True)
-class RefusedManoeuvre:
-    """A manoeuvre that would exceed a limit in a model, SI."""
+class ExceededLimit:
+    """A limit that a manoeuvre exceeds: the quantity, its most extreme value, the limit, the unit (SI)."""
 
-    text: str
-    bench: str
-    model: str
     quantity: str
     value: float
     limit: float
     unit: str
 
+
+@dataclass(frozen=True)
+class RefusedManoeuvre:
+    """A manoeuvre that would exceed a limit in a model."""
+
+    text: str
+    bench: str
+    model: str
+    exceeded: ExceededLimit = field(metadata=flat())
+
     @property
     def reason(self) -> str:
         """Why it was refused."""
-        value, limit = (format_quantity(size, self.unit, 3) for size in (self.value, self.limit))
-        return f"{self.text}: {QUANTITIES[self.quantity]} {value} against the limit {limit} ({self.model})"
+        one = self.exceeded
+        value, limit = (format_quantity(size, one.unit, 3) for size in (one.value, one.limit))
+        return f"{self.text}: {QUANTITIES[one.quantity]} {value} against the limit {limit} ({self.model})"
 
 
 @dataclass(frozen=True)
@@ -363,7 +371,7 @@ class Taken:
         """Yield what was taken and what it decided, with probabilities and sizes before and after."""
         yield from labelled("taken", f"{join_names([r.name for r in self.recordings])} into {file}")
         yield from labelled("found", self.sentence)
-        rows = [(e.effect, _probability(e.before), _probability(e.after), self._change(e.effect)) for e in self.effects]
+        rows = [(e.effect, *map(format_percent, (e.before, e.after)), self._change(e.effect)) for e in self.effects]
         if rows:
             yield from table(("effect", "before", "after", "named"), rows, texts=1)
         for reason in dict.fromkeys(one.reason for one in self.effects):
@@ -389,10 +397,6 @@ def taken_sentence(missing: Sequence[str], decided: Sequence[Decided]) -> str:
     parts += [f"{join_names(gone)} is no longer named"] if gone else []
     named = join_names(missing) or "no effect"
     return f"{'; '.join(parts)}." if parts else f"The recordings decide nothing new: {named} is named as before."
-
-
-def _probability(value: float | None) -> str:
-    return "–" if value is None else format_percent(value)
 
 
 def distinguishing_experiment(names: tuple[str, str], procedures: tuple[str, str]) -> str:

@@ -8,8 +8,16 @@ from dataclasses import dataclass
 
 from pneucli.figure import optional
 from pneucli.messages import each, labelled, table
-from pneucli.messages.formatting import format_number, format_plain, format_quantity, join_names
+from pneucli.messages.formatting import (
+    format_bounded,
+    format_fit,
+    format_number,
+    format_plain,
+    format_quantity,
+    join_names,
+)
 
+CHANNEL_TITLES = ("open loop", "channel", "least", "largest", "at the end", "rms error", "fit")
 Figures = Mapping[str, float | None]  # of one run, by the names in METRIC_TITLES
 METRIC_TITLES = {  # of pneucli.closed_loop.metrics.Metrics, as people read them
     "steady_um": "error at rest, µm",
@@ -47,6 +55,12 @@ class SimulatedChannel:
     rmsd: float | None
     fit_percent: float | None
 
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``CHANNEL_TITLES``, without the scenario."""
+        sizes = (format_quantity(one, self.unit, 3) for one in (self.from_, self.to, self.end, self.rmsd))
+        return self.channel, *sizes, format_fit(self.fit_percent)
+
 
 @dataclass(frozen=True)
 class OpenLoop:
@@ -54,6 +68,11 @@ class OpenLoop:
 
     scenario: str
     channels: Sequence[SimulatedChannel]
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """The rows of a table under ``CHANNEL_TITLES``."""
+        return [(self.scenario, *one.row) for one in self.channels]
 
 
 @dataclass(frozen=True)
@@ -131,7 +150,7 @@ class Answer:
         else:
             yield from labelled("found", f"{len(self.open_loop)} open-loop scenarios; no controller was designed")
         if verbose:
-            yield from self._open_loop()
+            yield from table(CHANNEL_TITLES, [row for one in self.open_loop for row in one.rows], texts=2)
             yield from self._closed_loop()
         yield from labelled("do", f"pneucli report {file}")
 
@@ -182,18 +201,11 @@ class Answer:
         worst = [name for check in self.robust.checks for name in self.robust.harmful(check)] if self.robust else []
         return sorted(dict.fromkeys(worst), key=lambda name: -worst.count(name))[:MAX_NAMED_EFFECTS]
 
-    def _open_loop(self) -> Iterator[str]:
-        rows = [
-            (one.scenario, m.channel, *(format_quantity(v, m.unit, 3) for v in (m.from_, m.to, m.rmsd)))
-            for one in self.open_loop
-            for m in one.channels
-        ]
-        yield from table(("open loop", "channel", "least", "largest", "rms error"), rows, texts=2)
-
     def _closed_loop(self) -> Iterator[str]:
         for name, figures in (self.closed_loop or {}).items():
             pid = (self.pid_alone or {})[name]
-            rows = [(METRIC_TITLES.get(n, n), _figure(v), _figure(pid[n])) for n, v in figures.items() if v is not None]
+            known = {n: v for n, v in figures.items() if v is not None}
+            rows = [(METRIC_TITLES.get(n, n), *map(format_bounded, (v, pid[n]))) for n, v in known.items()]
             yield ""
             yield from table((f"closed loop, {name}", "with compensation", "PIDs only"), rows, texts=1)
 
@@ -202,7 +214,3 @@ def _misses(figures: Figures, tolerance: float) -> bool:
     """Whether a scenario ends beyond the tolerance, or never comes back from a load."""
     at_rest = max(figures.get("steady_um") or 0.0, figures.get("cycle_um") or 0.0)
     return at_rest > tolerance or (figures.get("peak_um") is not None and figures.get("recovery_s") is None)
-
-
-def _figure(value: float | None) -> str:
-    return "∞" if value is None else format_number(value, 3)

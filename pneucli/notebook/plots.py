@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,9 +14,11 @@ from numpy.typing import NDArray
 
 from pneucli.compare.channel_errors import fit_percent
 from pneucli.errors import InputError, did_you_mean
+from pneucli.figure import read
+from pneucli.messages import diagnose
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_noise_ratio, format_number, in_display_unit, unit_symbol
-from pneucli.messages.history import Model, effect_changes, models_on_current_data
+from pneucli.messages.history import PathStep, models_on_current_data, path_steps
 from pneucli.notebook.data_frames import read_frame, select_rows
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import GREY, PALETTE, with_gaps
@@ -42,15 +43,6 @@ class NotebookFigure(Figure):
         into = io.BytesIO()
         self.savefig(into, format="png", dpi=110)
         return into.getvalue()
-
-
-@dataclass(frozen=True)
-class LadderStep:
-    """One model: its ``label``, its ``error`` by use, and whether a diagnosis only suggests it."""
-
-    label: str
-    error: Mapping[str, float | None]
-    suggested: bool = False
 
 
 class Plots:
@@ -147,7 +139,7 @@ class Plots:
                     alpha=0.45 if step.suggested else 1.0,
                 )
         axes.axvline(1.0, color=GREY, linestyle="--")
-        axes.set_yticks(np.arange(len(steps)) + 0.2, [step.label for step in steps])
+        axes.set_yticks(np.arange(len(steps)) + 0.2, [step.label + " (present)" * step.present for step in steps])
         axes.set(xlabel="error, × noise (1 is the noise floor)", xscale="log")
         axes.invert_yaxis()
         axes.legend(frameon=False)
@@ -212,30 +204,11 @@ def _require_rows(table: pd.DataFrame, column: str, name: str) -> pd.DataFrame:
     return rows
 
 
-def ladder_steps(run: RunData) -> list[LadderStep]:
-    """Return the steps, oldest first; of a run without comparison those of the diagnosis alone."""
-    suggested = run.ladder
-    rows = [_diagnosed(row) for row in suggested.to_dict("records")]
-    history = compared_models(run.artifacts / "compare")
-    if not history:
-        return rows
-    models = models_on_current_data(history)
-    return [*(_compared(models, i) for i in range(len(models))), *(row for row in rows if row.suggested)]
-
-
-def _diagnosed(row: Mapping[Any, Any]) -> LadderStep:
-    errors = {use: row[f"error_{use}"] for use in ("test", "train")}
-    named = isinstance(row["add"], str)  # pandas has NaN for the present model
-    return LadderStep(f"+ {row['add']}" if named else "present model", errors, named)
-
-
-def _compared(models: Sequence[Model], i: int) -> LadderStep:
-    one = models[i]
-    label = " + ".join(one.effects) or "base model"
-    if i:
-        label = effect_changes(models[i - 1], one) or "other parameters"
-        label = label if label.startswith("without") else f"+ {label}"
-    return LadderStep(label + (" (present)" if one.current else ""), one.error)
+def ladder_steps(run: RunData) -> list[PathStep]:
+    """Return the models on the present data and the suggested ones; without comparison those of the diagnosis alone."""
+    models = compared_models(run.artifacts / "compare")
+    diagnosis = read(diagnose.Answer, run.answer("diagnose"))
+    return path_steps(models_on_current_data(models) if models else [], diagnosis)
 
 
 def canvas(panels: int, height: float = PANEL_HEIGHT) -> tuple[NotebookFigure, list[Axes]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneucli.errors import InputError
 from pneucli.imports import paused_collection
+from pneucli.messages import answer_of, compare, diagnose, ingest
 from pneucli.messages.compare import evaluation_error
 from pneucli.messages.formatting import format_noise_ratio, join_names
 from pneucli.notebook.run_data import RunData
@@ -99,14 +100,14 @@ def run_overview(artifacts: Path) -> list[tuple[str, str]]:
     answers = read_answers(artifacts, STAGES)
     rows = [("folder", str(artifacts))]
     if "compare" in answers:
-        compared = answers["compare"]
-        use, error = evaluation_error(compared["error"])
-        rows.append(("model", " + ".join(["base", *compared["model"]["effects"]])))
+        compared = answer_of(compare.Answer, answers)
+        use, error = evaluation_error(compared.error)
+        rows.append(("model", " + ".join(["base", *compared.model.effects])))
         rows.append(("error", f"{format_noise_ratio(error)} × noise on {use} recordings"))
     if "diagnose" in answers:
-        rows.append(("verdict", answers["diagnose"].get("sentence", answers["diagnose"]["verdict"])))
+        rows.append(("verdict", answer_of(diagnose.Answer, answers).sentence))
     if "ingest" in answers:
-        names = [one["name"] for one in answers["ingest"]["recordings"]]
+        names = [one.name for one in answer_of(ingest.Answer, answers).recordings]
         more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         rows.append(("recordings", f"{len(names)}: {', '.join(names[:MAX_NAMES])}{more}"))
     rows.append(("stages", join_names(list(answers)) or "none has run"))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.identify.estimation.fit import Fit
+from pneucli.messages.plan import ExceededLimit
 from pneucli.plan.bench import SPEED_FACTOR, USUAL_SPEED, Bench
 from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre
@@ -28,7 +29,7 @@ class Refused:
 
     manoeuvre: Manoeuvre
     model: str
-    violations: tuple[Violation, ...]
+    violations: tuple[ExceededLimit, ...]
 
 
 @dataclass
@@ -114,16 +115,6 @@ class Limits:
         return bench.command_range if self.max_command is None else min(self.max_command, bench.command_range)
 
 
-@dataclass(frozen=True)
-class Violation:
-    """A limit that a manoeuvre exceeds: the quantity, its most extreme value, the limit, the unit (SI)."""
-
-    quantity: str
-    value: float
-    limit: float
-    unit: str
-
-
 def limits_of(rig: Rig, benches: Iterable[Bench], stated: Mapping[str, Any] | None = None) -> Limits:
     """Return the limits of a rig: as stated in ``[plan]``, else from the rig and its recordings.
 
@@ -153,7 +144,7 @@ def limits_of(rig: Rig, benches: Iterable[Bench], stated: Mapping[str, Any] | No
     )
 
 
-def violations(outcome: Outcome, limits: Limits, rig: Rig) -> list[Violation]:
+def violations(outcome: Outcome, limits: Limits, rig: Rig) -> list[ExceededLimit]:
     """Return the limits that a simulated manoeuvre exceeds.
 
     Args:
@@ -184,14 +175,14 @@ def violations(outcome: Outcome, limits: Limits, rig: Rig) -> list[Violation]:
     return found
 
 
-def _above(quantity: str, values: np.ndarray, limit: float, unit: str) -> list[Violation]:
+def _above(quantity: str, values: np.ndarray, limit: float, unit: str) -> list[ExceededLimit]:
     largest = float(np.max(values))
-    return [] if largest <= limit else [Violation(quantity, largest, limit, unit)]  # NaN violates
+    return [] if largest <= limit else [ExceededLimit(quantity, largest, limit, unit)]  # NaN violates
 
 
-def _below(quantity: str, values: np.ndarray, limit: float, unit: str) -> list[Violation]:
+def _below(quantity: str, values: np.ndarray, limit: float, unit: str) -> list[ExceededLimit]:
     least = float(np.min(values))
-    return [] if least >= limit else [Violation(quantity, least, limit, unit)]
+    return [] if least >= limit else [ExceededLimit(quantity, least, limit, unit)]
 
 
 def models_to_check(best: Fit, rivals: Mapping[str, Model]) -> dict[str, Model]:

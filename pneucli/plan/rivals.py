@@ -7,12 +7,12 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from pneucli.messages.diagnose import Answer, CandidateAnswer
 from pneucli.plan.bench import Bench, recorded_benches
 from pneucli.plan.limits import Limits, limits_of, violations
 from pneucli.plan.manoeuvre import Manoeuvre
@@ -69,7 +69,7 @@ class Rival:
         return self.probability if self.present or self.probability is None else 1.0 - self.probability
 
 
-def rivals_of_diagnosis(answer: Mapping[str, Any], present: Sequence[str], wanted: Sequence[str] = ()) -> list[Rival]:
+def rivals_of_diagnosis(answer: Answer, present: Sequence[str], wanted: Sequence[str] = ()) -> list[Rival]:
     """Return the rivals that the last diagnosis leaves open.
 
     Args:
@@ -80,19 +80,19 @@ def rivals_of_diagnosis(answer: Mapping[str, Any], present: Sequence[str], wante
     Returns:
         Up to MAX_RIVALS rivals, the most probable first.
     """
-    entries = {c["effect"]: c for c in answer["candidates"]}
-    probability = {name: entry["confidence_alone"] for name, entry in entries.items()}
+    entries = {c.effect: c for c in answer.candidates}
+    probability = {c.effect: c.confidence_alone for c in answer.candidates}
     found: list[tuple[float, Rival]] = []
-    for name in answer["missing"]:
-        confidence = entries[name]["confidence"]
+    for name in answer.missing:
+        confidence = entries[name].confidence
         if confidence is not None and confidence < DECIDED_PROBABILITY:
             odds = (1.0 - confidence) / max(confidence, 0.01)
             found.append((odds, Rival(name, False, probability[name])))
-        for other in entries[name]["indistinguishable_from"]:
+        for other in entries[name].indistinguishable_from:
             odds = _odds_of_equivalent(probability[name], probability.get(other))
             found.append((odds, Rival(other, True, probability.get(other), name)))
-    taken = {rival.effect for _, rival in found} | {*answer["missing"]}
-    found += [(o, Rival(n, True, probability[n])) for o, n in refused_effects(answer["candidates"]) if n not in taken]
+    taken = {rival.effect for _, rival in found} | {*answer.missing}
+    found += [(o, Rival(n, True, probability[n])) for o, n in refused_effects(answer.candidates) if n not in taken]
     if wanted:
         found = [(1.0, rival) for _, rival in found if rival.effect in wanted]
         listed = {rival.effect for _, rival in found}
@@ -100,7 +100,7 @@ def rivals_of_diagnosis(answer: Mapping[str, Any], present: Sequence[str], wante
     return [rival for _, rival in sorted(found, key=lambda one: -one[0])[:MAX_RIVALS]]
 
 
-def refused_effects(candidates: Sequence[Mapping[str, Any]]) -> list[tuple[float, str]]:
+def refused_effects(candidates: Sequence[CandidateAnswer]) -> list[tuple[float, str]]:
     """Return the effects that a diagnosis fitted and refused, but that better recordings may show.
 
     An effect that raises the error of the free run may do so beside an unknown one, and one whose fit returned nothing
@@ -112,12 +112,12 @@ def refused_effects(candidates: Sequence[Mapping[str, Any]]) -> list[tuple[float
     Returns:
         Prior odds and name of each, the most probable first.
     """
-    open_entries = [c for c in candidates if c["parameters"] and not c["supported"] and c["reason"] not in DECIDED]
     rows = []
-    for entry in open_entries:
-        probability = entry["confidence_alone"] or 0.0
-        odds = max(probability / max(1.0 - probability, 0.01), MIN_PRIOR_ODDS)
-        rows.append((odds, entry["reason"] == "vanishes", entry["effect"]))
+    for c in candidates:
+        if c.parameters and not c.supported and c.reason not in DECIDED:
+            probability = c.confidence_alone or 0.0
+            odds = max(probability / max(1.0 - probability, 0.01), MIN_PRIOR_ODDS)
+            rows.append((odds, c.reason == "vanishes", c.effect))
     return [(odds, name) for odds, _, name in sorted(rows, key=lambda row: (-row[0], row[1]))]
 
 

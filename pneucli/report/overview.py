@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +16,6 @@ from pneucli.arrays import Array
 from pneucli.compare.error_regions import error_concentration
 from pneucli.messages import compare, design, diagnose, history, ingest, simulate
 from pneucli.messages.compare import Answer, ChannelResult, evaluation_error
-from pneucli.messages.diagnose import selected_step
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import (
     axis_title,
@@ -29,6 +27,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     join_names,
 )
+from pneucli.messages.history import PathStep
 from pneucli.quantities import SIGNALS
 from pneucli.report.figure import BLUE, GREY, ORANGE, render, with_gaps
 from pneucli.report.report_data import ReportData, Table
@@ -53,17 +52,12 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class PathStep:
-    """A bar of the selection path: the model, its error over noise, the bar's length (0 to 1).
+class Bar:
+    """A bar of the selection path: its model, the error over noise of it as text, and its length (0 to 1)."""
 
-    ``only_if`` marks a model that was only fitted by the diagnosis, ``present`` the one of the other chapters.
-    """
-
-    label: str
+    step: PathStep
     error: str
     length: float
-    only_if: bool = False
-    present: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,7 @@ class Overview:
     tiles: Sequence[Tile]
     pictures: Mapping[str, str]
     caption: str
-    ladder: Sequence[PathStep]
+    ladder: Sequence[Bar]
     failed: str
     following: str
     checks: str
@@ -91,7 +85,7 @@ def overview(material: ReportData) -> Overview:
         pictures=pictures,
         caption=caption,
         ladder=selection_path(material),
-        failed=_worst_failure(material, found.recording if found else ""),
+        failed=_worst_failure(material, found.channel.recording if found else ""),
         following=_next_command(material),
         checks=_checks(material),
         doubt=_first_doubt(material),
@@ -187,33 +181,16 @@ def _controller(material: ReportData) -> Tile | None:
     return Tile("The controller", large, text, "bad" if failed else tone)
 
 
-def selection_path(material: ReportData) -> list[PathStep]:
-    """Return the models on this data and the one with the diagnosed effects, each with its error."""
+def selection_path(material: ReportData) -> list[Bar]:
+    """Return the models on this data and those with the diagnosed effects, each with its error."""
     here = _comparable_models(material)
     if not here:
         return []
     use, _ = compare.evaluation_error(here[-1].error)
     shown = here if len(here) <= MAX_STEPS else [*here[: MAX_STEPS // 2], *here[MAX_STEPS // 2 - MAX_STEPS :]]
-    steps = [(label, m.error[use], False, m is here[-1]) for label, m in zip(_labels(shown), shown, strict=True)]
-    answer = material.read(diagnose.Answer)
-    if answer.missing:
-        error = selected_step(answer).error[use]
-        steps.append((f"+ {' + '.join(answer.missing)}", error, True, False))
-    most = max([2.0, *(error for _, error, _, _ in steps if error is not None)])
-    return [
-        PathStep(label, format_noise_ratio(error), history.bar_share(error, most), *kind)
-        for label, error, *kind in steps
-    ]
-
-
-def _labels(models: Sequence[history.Model]) -> Iterator[str]:
-    """Yield the effects of the first model, and those that each later model adds and removes."""
-    effects = join_names(models[0].effects)
-    yield f"base model{f' with {effects}' if effects else ''}"
-    for before, after in pairwise(models):
-        added = [f"+ {n}" for n in after.effects if n not in before.effects]
-        removed = [f"− {n}" for n in before.effects if n not in after.effects]
-        yield " ".join([*added, *removed]) or "fitted again"
+    steps = history.path_steps(shown, material.read(diagnose.Answer))
+    most = max([2.0, *(error for step in steps if (error := step.error[use]) is not None)])
+    return [Bar(s, format_noise_ratio(s.error[use]), history.bar_share(s.error[use], most)) for s in steps]
 
 
 def _worst_failure(material: ReportData, pictured: str) -> str:
@@ -254,7 +231,7 @@ def _checks(material: ReportData) -> str:
 
 def _first_doubt(material: ReportData) -> str:
     """Return the first implausible finding that the verdict does not state already, and the number of others."""
-    stated = material.answer("diagnose").get("impossible", [])
+    stated = material.read(diagnose.Answer).impossible
     found = ingest.implausibility_sentences(material.read(ingest.Answer).plausibility)
     first, *more = [*(one for one in found if one not in stated), ""]
     others = f" {len(more) - 1} more under Measurements." if len(more) > 1 else ""
@@ -269,36 +246,27 @@ BAND_SIGMA = 2.0  # standard deviations
 
 @dataclass(frozen=True)
 class WorstRecording:
-    """One channel of one recording, SI: the models before (None where there is only one) and after, each (n,).
+    """The worst channel, with its residuals: of the present model, and of the first one where there was another.
 
-    ``noise`` is the rms error of a correct model, ``stretch`` the interval (s) in which the error is worst.
+    ``first`` is that of the first model, ``stretch`` the interval (s) in which the error is worst.
     """
 
-    recording: str
-    kind: str
-    channel: str
-    unit: str
-    noise: float
-    time: Array
-    measured: Array
-    before: Array | None
-    after: Array
-    segment: Array
+    channel: ChannelResult
+    rows: Table
+    first: ChannelResult | None
+    before: Table | None
     stretch: tuple[float, float] | None
     horizon: float
-    error_ratios: tuple[float | None, float]
 
 
 def worst_recording_figure(found: WorstRecording) -> tuple[dict[str, str], str]:
     """Return the picture as SVG in each of ``FIGURE_SIZES``, and its caption."""
     pictures = {name: render(partial(_draw, found), *size) for name, size in FIGURE_SIZES.items()}
-    before, now = found.error_ratios
-    ratio = format_noise_ratio(now)
-    if before is not None:
-        ratio = f"{format_noise_ratio(before)} → {ratio}"
+    one, held_out = found.channel, "held-out " if found.channel.use == "test" else ""
+    ratio = " → ".join(format_noise_ratio(of.ratio_to_noise) for of in (found.first, one) if of)
     shaded = "Shaded: the interval with the largest error. " if found.stretch else ""
     return pictures, (
-        f"{found.channel} in {found.recording}, the worst {found.kind}recording: {ratio} × noise. {shaded}Below: "
+        f"{one.channel} in {one.recording}, the worst {held_out}recording: {ratio} × noise. {shaded}Below: "
         f"measured − model, with the band of ± {format_plain(BAND_SIGMA)} σ of a correct model. The model restarts "
         f"from the measurement every {format_plain(found.horizon)} s (ticks)."
     )
@@ -328,15 +296,9 @@ def find_worst_recording(material: ReportData) -> WorstRecording | None:
         earlier = None
     error = rows["residual"] if earlier is None else earlier["residual"]
     stretch = error_concentration(rows["time"], np.nan_to_num(error) ** 2)
-    now = channels[worst.key]
+    before = None if earlier is None else worst
     return WorstRecording(
-        *(worst.recording, "held-out " if use == "test" else "", worst.channel, worst.unit, now.noise),
-        *(rows["time"], rows["measured"]),
-        None if earlier is None else earlier["model"],
-        *(rows["model"], rows["segment"]),
-        stretch[:2] if stretch else None,
-        answer.horizon_s,
-        (None if earlier is None else worst.ratio_to_noise, now.ratio_to_noise),
+        channels[worst.key], rows, before, earlier, stretch[:2] if stretch else None, answer.horizon_s
     )
 
 
@@ -347,25 +309,25 @@ def _rows(residuals: Table, channel: ChannelResult) -> Table:
 def _draw(found: WorstRecording, canvas: Canvas) -> None:
     upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.4, 1])
     indices = _shown_samples(found)
-    time = found.time[indices]
-    curves = [("measured", found.measured, GREY, "-", 3.0)]
+    rows, one = found.rows.rows(indices), found.channel
+    curves = [("measured", rows["measured"], GREY, "-", 3.0)]
     if found.before is not None:
-        curves.append(("before", found.before, BLUE, "--", 1.3))
-    curves.append(("model" if found.before is None else "after", found.after, ORANGE, "-", 1.3))
+        curves.append(("before", found.before["model"][indices], BLUE, "--", 1.3))
+    curves.append(("model" if found.before is None else "after", rows["model"], ORANGE, "-", 1.3))
     for label, values, colour, style, width in curves:
-        drawn = values[indices] if label == "measured" else with_gaps(values[indices], found.segment[indices])
-        upper.plot(time, in_display_unit(drawn, found.unit), style, color=colour, linewidth=width, label=label)
+        drawn = values if label == "measured" else with_gaps(values, rows["segment"])
+        upper.plot(rows["time"], in_display_unit(drawn, one.unit), style, color=colour, linewidth=width, label=label)
         if label != "measured":
-            residual = with_gaps((found.measured - values)[indices], found.segment[indices]) / found.noise
-            lower.plot(time, residual, style, color=colour, linewidth=1.0)
-    _frame(found, upper, lower, time)
-    upper.set_ylabel(axis_title(found.channel).replace(SIGNALS[found.channel].title, found.channel))
+            residual = with_gaps(rows["measured"] - values, rows["segment"]) / one.noise
+            lower.plot(rows["time"], residual, style, color=colour, linewidth=1.0)
+    _frame(found, upper, lower, rows["time"])
+    upper.set_ylabel(axis_title(one.channel).replace(SIGNALS[one.channel].title, one.channel))
     canvas.legend(loc="outside upper left", ncols=3)
 
 
 def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None:
     """Mark the interval with the largest error, the restarts and the band of the noise."""
-    starts = found.time[np.flatnonzero(np.diff(found.segment)) + 1]
+    starts = found.rows["time"][np.flatnonzero(np.diff(found.rows["segment"])) + 1]
     for axes in (upper, lower):
         if found.stretch:
             axes.axvspan(*found.stretch, color=ORANGE, alpha=0.12, linewidth=0)
@@ -382,9 +344,10 @@ def _frame(found: WorstRecording, upper: Axes, lower: Axes, time: Array) -> None
 
 def _shown_samples(found: WorstRecording) -> NDArray[np.int64]:
     """Return the samples to draw: the marked interval and as much on each side, with every peak."""
-    low, high = found.stretch or (found.time[0], found.time[-1])
+    time = found.rows["time"]
+    low, high = found.stretch or (time[0], time[-1])
     margin = max(high - low, CONTEXT_RESTARTS * found.horizon)
-    window = np.flatnonzero((found.time >= low - margin) & (found.time <= high + margin))
-    curves = [c[window] for c in (found.measured, found.before, found.after) if c is not None]
-    error = (found.measured - found.after)[window]
+    window = np.flatnonzero((time >= low - margin) & (time <= high + margin))
+    rows, before = found.rows.rows(window), [] if found.before is None else [found.before["model"][window]]
+    curves, error = [rows["measured"], *before, rows["model"]], rows["measured"] - rows["model"]
     return window[with_gap_indices(envelope_indices(curves, MAX_SAMPLES), error)]

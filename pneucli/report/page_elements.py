@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -30,26 +31,35 @@ MAX_UNFOLDED_ROWS = 40  # rows; a longer table is folded
 
 @dataclass(frozen=True)
 class Cell:
-    """A number in a grid: its text, a share (0 to 1) drawn as a bar behind it, and a tone (good, bad or none)."""
+    """A text in a grid with a share (0 to 1), drawn as a bar behind it, or a tone (good, bad or none)."""
 
     text: str
     bar: float | None = None
     tone: str = ""
-    numeric: bool = True
+
+    def __str__(self) -> str:
+        return self.text
 
 
 Row = Sequence[Cell | str]
+_QUANTITY = re.compile(r"[−+–(]*(\d|∞|$)|× |at (most|least) |less than ")
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table for people; ``head`` has a title for each column, ``rows`` texts, and cells for numbers."""
+    """A table for people; ``head`` has a title for each column, ``rows`` texts, and cells where one is marked."""
 
     kind: ClassVar[str] = "grid"
     caption: str
     head: Sequence[str]
     rows: Sequence[Row]
     folded: bool = False
+
+    @property
+    def numeric(self) -> list[bool]:
+        """Whether most texts of a column are quantities, which stand on the right."""
+        columns = [[text for one in cells if (text := str(one))] for cells in zip(*self.rows, strict=True)]
+        return [2 * sum(_QUANTITY.match(text) is not None for text in of) > len(of) for of in columns]
 
 
 @dataclass(frozen=True)
@@ -161,7 +171,7 @@ def section_tables(sections: Sequence[Section]) -> Iterator[SectionTable]:
 def _columns(grid: Grid) -> dict[str, NDArray[np.float64] | list[str]]:
     titles = [title or f"column {i}" for i, title in enumerate(grid.head, start=1)]
     unique = [f"{t} ({i})" if titles.count(t) > 1 else t for i, t in enumerate(titles, start=1)]
-    texts = [[cell.text if isinstance(cell, Cell) else cell for cell in row] for row in grid.rows]
+    texts = [[*map(str, row)] for row in grid.rows]
     return {title: _values([row[i] for row in texts]) for i, title in enumerate(unique)}
 
 

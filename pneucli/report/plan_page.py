@@ -71,8 +71,8 @@ def _programme(answer: Answer) -> Section:
             "fitted" if r.use == "train" else "held out",
             r.manoeuvre,
             f"{r.bench}, {r.drive_title}",
-            Cell(f"{r.begin:.1f}"),
-            Cell(f"{r.end:.1f}"),
+            f"{r.begin:.1f}",
+            f"{r.end:.1f}",
         )
         for r in answer.recordings
     ]
@@ -93,9 +93,9 @@ def _expected(answer: Answer) -> list[Section]:
         rows.append(
             (
                 e.rival,
-                Cell("–" if e.probability_before is None else format_percent(e.probability_before)),
+                format_percent(e.probability_before),
                 Cell(format_percent(e.power), e.power, "good" if e.is_shown else ""),
-                Cell("–" if best is None else format_number(found[best], 2)),
+                format_number(max(found.values(), default=None), 2),
                 best or "–",
             )
         )
@@ -157,18 +157,16 @@ def running_rms(values: Array, time: Array) -> Array:
 def _power(answer: Answer) -> list[Section]:
     if not answer.power:
         return []
-    least = {p.effect: p for p in answer.power if not p.typical}
+    least = {p.effect: p.size for p in answer.power if not p.typical}
     rows = []
     for p in sorted((p for p in answer.power if p.typical), key=lambda p: -p.power):
-        smallest = least.get(p.effect)
-        found = "–" if smallest is None else format_quantity(smallest.size, p.unit, 2)
         rows.append(
             (
                 p.effect,
                 p.parameter,
-                Cell(format_quantity(p.size, p.unit, 2)),
+                format_quantity(p.size, p.unit, 2),
                 Cell(format_percent(p.power), p.power, "good" if p.power >= GOOD_POWER else ""),
-                Cell(found),
+                format_quantity(least.get(p.effect), p.unit, 2),
             )
         )
     head = ("effect", "parameter", "typical size", "power", "size at 80 % power")

@@ -38,7 +38,7 @@ def _columns(answer: look.Answer) -> Section:
             str(one.column),
             one.signal or "-",
             f"{one.unit}{' gauge' * one.gauge}",
-            Cell(_range(one)),
+            _range(one),
             one.why.replace("CHECK ", "?  "),
         )
         for one in answer.columns
@@ -67,8 +67,8 @@ def _recording(one: Recording, number: int) -> Section:
     rows: list[tuple[Cell | str, ...]] = [
         (
             signal.signal,
-            *(Cell(format_quantity(n, signal.unit)) for n in (signal.least, signal.median, signal.most, signal.noise)),
-            Cell(f"{100 * signal.missing:.1f} %"),
+            *(format_quantity(n, signal.unit) for n in (signal.least, signal.median, signal.most, signal.noise)),
+            f"{100 * signal.missing:.1f} %",
         )
         for signal in one.signals
     ]
@@ -99,7 +99,7 @@ def _test(one: LeakTest, answer: leak.Answer, number: int) -> Section:
     grid = Grid(
         "Leak at the first pressure",
         ("quantity", "value with 95 % interval"),
-        [(name, Cell(with_interval(rate))) for name, rate in one.known.items()],
+        [(name, with_interval(rate)) for name, rate in one.known.items()],
     )
     notes = [Note(text, "warning") for text in one.doubts(answer.drift)]
     return Section(f"test-{number}", one.recording, one.sentence(answer.limit), [drawn, grid, *notes])

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.figure import read
-from pneucli.messages import compare, diagnose, ingest
+from pneucli.messages import answer_of, compare, diagnose, ingest
+from pneucli.messages.formatting import format_plain
 from pneucli.messages.history import Model
 
 T = TypeVar("T")
+CHECK_TITLES = ("check", "wanted", "found", "")
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,13 @@ class Check:
     failure: str = ""
     skipped: str = ""
 
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The row of a table under ``CHECK_TITLES``."""
+        found = format_plain(self.value, 4) if isinstance(self.value, float) else str(self.value)
+        verdict = "failed" if self.failure else "passed"
+        return self.path, self.wanted, "nothing there" if self.value is None else found, verdict
+
 
 @dataclass(frozen=True)
 class EarlierAnswer(Generic[T]):
@@ -116,7 +124,7 @@ class ReportData:
 
     def read(self, kind: type[T]) -> T:
         """Return the answer of a stage as its type in :mod:`pneucli.messages`, empty where there is none."""
-        return read(kind, self.answer(kind.__module__.rpartition(".")[2]))
+        return answer_of(kind, self.answers)
 
     @property
     def steady_recordings(self) -> set[str]:

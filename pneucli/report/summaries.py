@@ -1,25 +1,16 @@
-"""Write a summary as Markdown for a pull request or a mail, with the numbers of the JSON answers, SI."""
+"""Write a summary as Markdown for a pull request or a mail, with the tables of the terminal."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from typing import Any
 from xml.etree import ElementTree
 
-from pneucli.messages import compare, diagnose
+from pneucli.messages import compare, diagnose, identify
 from pneucli.messages.compare import describe_event, test_first
-from pneucli.messages.formatting import (
-    format_fit,
-    format_interval,
-    format_noise_ratio,
-    format_number,
-    format_plain,
-    format_quantity,
-)
-from pneucli.messages.history import models_on_current_data
+from pneucli.messages.formatting import format_figure
+from pneucli.messages.history import MODEL_TITLES, models_on_current_data
 from pneucli.report.overview import Overview, overview
-from pneucli.report.report_data import Check, ReportData
+from pneucli.report.report_data import CHECK_TITLES, Check, ReportData
 
 Row = Sequence[object]
 
@@ -38,25 +29,15 @@ def _lines(material: ReportData, first: Overview) -> Iterator[str]:
     yield f"# {material.name}"
     yield from (line for text in _overview_lines(first) for line in ("", text))
     if len(material.history) > 1:
-        rows = [
-            (
-                m.when,
-                ", ".join(m.effects) or "base model",
-                _number(m.error["test"]),
-                _number(m.error["train"]),
-            )
-            for m in models_on_current_data(material.history)
-        ]
-        yield from _table("History, error over noise", ("compared", "effects", "test", "train"), rows)
+        rows = [m.row for m in models_on_current_data(material.history)]
+        yield from _table("History, error over noise", MODEL_TITLES, rows)
     if material.checks:
-        checks = [(c.path, c.wanted, _number(c.value), "FAILED" if c.failure else "passed") for c in material.checks]
-        yield from _table("Checks", ("check", "wanted", "found", ""), checks)
+        yield from _table("Checks", CHECK_TITLES, [check.row for check in material.checks])
     yield from _comparison(material.read(compare.Answer))
     if ladder := material.read(diagnose.Answer).ladder:
-        steps = [(s.add or "model as given", _number(s.error_train), _number(s.error_test)) for s in ladder]
-        yield from _table("Selection path, error over noise", ("add", "train", "test"), steps)
-    if parameters := material.answer("identify").get("model", {}).get("parameters"):
-        estimates = [(n, format_interval(p["value"], p["unit"], p["ci95"])) for n, p in parameters.items()]
+        yield from _table("Selection path", diagnose.PATH_TITLES, [step.row for step in ladder])
+    if parameters := material.read(identify.Answer).model.parameters:
+        estimates = [(name, format_figure(one)) for name, one in parameters.items()]
         yield from _table("Parameters", ("name", "value, 95 % interval"), estimates)
     warnings = [f"{stage}: {w}" for stage, answer in material.answers.items() for w in answer.get("warnings", [])]
     if warnings:
@@ -72,8 +53,7 @@ def _overview_lines(first: Overview) -> Iterator[str]:
 def _comparison(answer: compare.Answer) -> Iterator[str]:
     if not answer.channels:
         return
-    head = ("recording", "use", "channel", "rms error", "of range", "fit", "noise", "× noise")
-    yield from _table("Model against measurement", head, [_channel(c) for c in test_first(answer.channels)])
+    yield from _table("Model against measurement", compare.CHANNEL_TITLES, [c.row for c in test_first(answer.channels)])
     if answer.where:
         yield from (
             "",
@@ -83,25 +63,12 @@ def _comparison(answer: compare.Answer) -> Iterator[str]:
         )
 
 
-def _channel(c: compare.ChannelResult) -> Row:
-    share = "–" if math.isnan(c.percent) else f"{format_number(c.percent, 3)} %"
-    rmsd, noise = (format_quantity(size, c.unit, 3) for size in (c.rmsd, c.noise))
-    ratio = format_noise_ratio(c.ratio_to_noise)
-    return c.recording, c.use, c.channel, rmsd, share, format_fit(c.fit_percent), noise, ratio
-
-
 def _table(title: str, head: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
     yield from ("", f"## {title}", "", _row(head), _row(["---"] * len(head)), *map(_row, rows))
 
 
 def _row(cells: Row) -> str:
     return f"| {' | '.join(str(cell).replace('|', chr(92) + '|') for cell in cells)} |"
-
-
-def _number(value: Any) -> str:
-    if value is None:
-        return "–"
-    return format_plain(value, 4) if isinstance(value, float) else str(value)
 
 
 def to_junit(name: str, checks: Sequence[Check]) -> str:

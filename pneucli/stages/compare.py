@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from pneucli import paths
 from pneucli.closed_loop.commissioning import commissioned
@@ -39,7 +38,7 @@ from pneucli.export.controller_file import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.figure import read, to_answer
 from pneucli.identify.valve.flow_bench import FlowComparison
-from pneucli.io.artifacts import TableWriter, schema_of
+from pneucli.io.artifacts import TableWriter, schema_from
 from pneucli.messages.compare import Answer, ChannelResult, Commissioned, LackOfFit, ModelAnswer
 from pneucli.messages.compare import ControllerLog as ControllerLogAnswer
 from pneucli.messages.progress import counted
@@ -57,7 +56,6 @@ from pneucli.stages.answer_parts import (
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_blocks
 
 UNKNOWN_CONTROLLER = "unknown"
 MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree
@@ -166,18 +164,16 @@ def _model_inputs(study: PipelineData) -> tuple[str, ...]:
 
 
 def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flows: Sequence[FlowComparison]) -> None:
-    types: dict[str, Any] = dict.fromkeys(("recording", "use", "channel", "unit"), pa.string())
-    types |= dict.fromkeys(("time", "measured", "model", "residual", "segment"), pa.float64())
-    schema = schema_of(
-        types,
-        units={"time": "s", "segment": "1"} | dict.fromkeys(("measured", "model", "residual"), "see column unit"),
-        schema="pneucli/compare/residuals/1",
-        provenance=study.provenance(*_model_inputs(study)),
+    columns = (
+        "recording, use, channel, unit, time, measured [see column unit], model [see column unit], "
+        "residual [see column unit], segment [1]"
     )
+    made_by = study.provenance(*_model_inputs(study))
+    schema = schema_from(columns, schema="pneucli/compare/residuals/1", provenance=made_by)
     with TableWriter(study.context.out / RESIDUALS_FILE, schema) as writer:
         for c in comparisons:
             for result in c.results:
-                columns = {
+                block = {
                     "recording": result.recording,
                     "use": result.use,
                     "channel": result.channel,
@@ -188,17 +184,14 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flo
                     "residual": c.residual(result.channel),
                     "segment": c.experiment.segments.astype(np.float64),
                 }
-                writer.write(columns)
+                writer.write(block)
         write_flow_residuals(flows, writer)
 
 
 def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:
     blocks = [(c.recording, c.use, c.channel, c.against, c.lag, c.correlation, c.bound) for c in found]
-    columns, units = (
-        "recording use channel against lag correlation bound",
-        {"lag": "s", "correlation": "1", "bound": "1"},
-    )
-    write_blocks(study.tables("compare", *_model_inputs(study)), "correlation", columns, blocks, units)
+    columns = "recording, use, channel, against, lag [s], correlation [1], bound [1]"
+    study.tables("compare", *_model_inputs(study)).write("correlation", columns, blocks)
 
 
 def controllers_by_recording(context: Context) -> dict[str, ExportedController]:

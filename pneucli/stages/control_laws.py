@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, astuple, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,6 @@ from pneucli.pipeline.context import Context
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.stages.table_rows import write_blocks
 
 CONTROLLERS_FOLDER = "controllers"  # a file a law
 NO_AREA = frozenset({"demand", "filling"})  # ports of effects behind which the command sets a pressure or a flow
@@ -158,7 +157,7 @@ def setup_from_requirements(wanted: Requirements) -> ClosedLoopSetup:
 def write_comparison(found: LawComparison, tables: Tables) -> None:
     """Write the figures of all cases, and the signals of the laws, thinned out for pictures."""
     rows = [
-        {"group": group, "controller": name, "scenario": s} | asdict(m)
+        (group, name, s, *astuple(m))
         for group, cases in (
             ("law", found.laws),
             ("without map", found.without_inverse_map),
@@ -170,26 +169,17 @@ def write_comparison(found: LawComparison, tables: Tables) -> None:
     ]
     if not rows:
         return
-    tables.write_rows("comparison", rows, {n: unit_from_name(n) for n, v in rows[0].items() if isinstance(v, float)})
-    write_runs(
-        tables,
-        "comparison_signals",
-        {
-            (name, s): r
-            for name, by in {
-                **found.laws,
-                **_pressure_control_runs(found.without_inverse_map),
-                **found.variants,
-            }.items()
-            for s, (r, _) in by.items()
-        },
-        MAX_PLOT_SAMPLES,
-    )
-
-
-def _pressure_control_runs(found: RunsByLaw) -> RunsByLaw:
-    """Return the runs in which a pressure is asked for: those that the map's pictures show."""
-    return {name: {s: one for s, one in by.items() if one[0].scenario.controls_pressure} for name, by in found.items()}
+    figures = figure_columns([one.name for one in fields(Metrics)])
+    tables.write("comparison", f"group, controller, scenario, {figures}", rows)
+    groups = (found.laws, found.without_inverse_map, found.variants)
+    runs = {
+        (name, s): one
+        for group in groups
+        for name, by in group.items()
+        for s, (one, _) in by.items()  # of those without the map, pictures show those in which a pressure is asked for
+        if group is not found.without_inverse_map or one.scenario.controls_pressure
+    }
+    write_runs(tables, "comparison_signals", runs, MAX_PLOT_SAMPLES)
 
 
 def write_runs(tables: Tables, name: str, runs: Mapping[tuple[str, str], Run], max_samples: int | None = None) -> None:
@@ -201,11 +191,11 @@ def write_runs(tables: Tables, name: str, runs: Mapping[tuple[str, str], Run], m
         reference = np.full(one.time.size, np.nan) if s.controls_pressure else s.reference
         signals = [one.time, reference, s.force, s.supply, *one.model.T[of_model], *one.log.T[of_controller]]
         blocks.append((scenario, controller, *(signal[::step] for signal in signals)))
-    columns = ("scenario", "controller", "time", "x_ref", "load", "p_supply", *MODEL_SIGNALS, *CONTROLLER_SIGNALS)
-    units = {n: u for n, (_, u) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items()} | {"load": "N"}
-    write_blocks(tables, name, " ".join(columns), blocks, units)
+    columns = ", ".join(f"{n} [{unit}]" for n, (_, unit) in (MODEL_SIGNALS | CONTROLLER_SIGNALS).items())
+    tables.write(name, f"scenario, controller, time, x_ref, load [N], p_supply, {columns}", blocks)
 
 
-def unit_from_name(figure: str) -> str:
-    """Return the unit that a figure's name ends in."""
-    return {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg", "pa": "Pa"}.get(figure.rsplit("_", 1)[-1], "1")
+def figure_columns(names: Iterable[str]) -> str:
+    """Return the columns of figures, each with the unit that its name ends in."""
+    units = {"um": "um", "s": "s", "hz": "Hz", "v": "V", "kg": "kg", "pa": "Pa"}
+    return ", ".join(f"{name} [{units.get(name.rpartition('_')[2], '1')}]" for name in names)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,7 @@ from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_fro
 from pneucli.errors import InputError
 from pneucli.figure import to_answer
 from pneucli.io.artifacts import Tables, read_table, write_text
+from pneucli.messages import answer_of, compare
 from pneucli.messages.compare import BAD_ERROR_RATIO, evaluation_error
 from pneucli.messages.design import (
     Answer,
@@ -93,7 +94,6 @@ from pneucli.stages.control_laws import (
 )
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ def _write(tables: Tables, designed: DesignResult) -> None:
     for name, controller in designed.controllers.items():
         write_text(tables.out / CONTROLLERS_FOLDER / f"{name}.json", controller.to_json())
     gains = [(name, value, layout.UNITS.get(name, "1")) for name, value in designed.selected.values.items()]
-    write_table_rows(tables, "gains", "name value unit", gains, {"value": "see column unit"})
+    tables.write("gains", "name, value [see column unit], unit", gains)
     write_sectors(tables, designed.sectors)
     if designed.weight_studies:
         write_weight_studies(tables, designed.weight_studies)
@@ -333,10 +333,15 @@ def _matrix_inequalities(designed: DesignResult) -> MatrixInequalities:
 
 def write_sectors(tables: Tables, rows: Mapping[str, SlidingSector]) -> None:
     """Write the sliding sectors."""
-    units = {"a_1": "1/s", "a_2": "1/s", "lambda_1": "1/s", "lambda_2": "1/s", "speed_floor": "m/s", "middle": "1/s"}
-    units["steepness"] = "1"
-    listed = [(name, *(float(getattr(s, n)) for n in units), s.warning) for name, s in rows.items()]
-    write_table_rows(tables, "sector", f"name {' '.join(units)} warning", listed, units)
+    listed = [
+        (name, s.a_1, s.a_2, s.lambda_1, s.lambda_2, s.speed_floor, s.middle, s.steepness, s.warning)
+        for name, s in rows.items()
+    ]
+    columns = (
+        "name, a_1 [1/s], a_2 [1/s], lambda_1 [1/s], lambda_2 [1/s], speed_floor [m/s], middle [1/s], steepness [1], "
+        "warning"
+    )
+    tables.write("sector", columns, listed)
 
 
 def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None:
@@ -347,10 +352,11 @@ def write_weight_studies(tables: Tables, weights: Sequence[WeightStudy]) -> None
         + (bool(w.pdc and w.pdc.verified), w.peak_input_ratio, w.lyapunov_ratio)
         for w in weights
     ]
-    units = {"vertices": "1", "rate": "1/s", "worst_pole": "1/s"}
-    units |= dict.fromkeys(("worst_lmi", "peak", "decayed", "verified"), "1")
-    columns = "weight_type vertices rate worst_pole worst_lmi status verified peak decayed"
-    write_table_rows(tables, "lmi", columns, listed, units)
+    columns = (
+        "weight_type, vertices [1], rate [1/s], worst_pole [1/s], worst_lmi [1], status, verified [1], peak [1], "
+        "decayed [1]"
+    )
+    tables.write("lmi", columns, listed)
 
 
 MARGIN_UNITS = {"gain_up": "1", "gain_down": "1", "phase": "rad", "delay": "s", "modulus": "1", "crossover": "1/s"}
@@ -371,7 +377,7 @@ def acceptance_answer(
         context.progress(counted("the gate, axis", number, len(axes)))
 
     found = check_acceptance(controller, requirements, scenarios, setup, axes, progress)
-    error = model_error(context.answers)
+    error = evaluation_error(answer_of(compare.Answer, context.answers).error)[1]
     return Gate(
         passed=not found.violations and not (error is not None and error > BAD_ERROR_RATIO),
         strict=requirements.strict,
@@ -381,11 +387,6 @@ def acceptance_answer(
         model_error=error,
         model_error_limit=BAD_ERROR_RATIO,
     )
-
-
-def model_error(answers: Mapping[str, Mapping[str, Any]]) -> float | None:
-    """Return the model's error over the noise floor, on test recordings, or on training recordings without any."""
-    return evaluation_error(answers.get("compare", {}).get("error", {}))[1]
 
 
 def margins_answer(
@@ -419,12 +420,12 @@ def margins_answer(
 
 
 def _point(cut: LoopCut, found: MarginAnalysis) -> MarginPoint:
-    return MarginPoint(cut.loop, cut.x, cut.speed, not found.is_unstable((cut.x, cut.speed)), *astuple(cut.margins))
+    return MarginPoint(cut.loop, cut.x, cut.speed, not found.is_unstable((cut.x, cut.speed)), cut.margins)
 
 
 def _worst(points: Sequence[MarginPoint]) -> WorstMargins:
     """Return of each margin the smallest one; not finite where there is no limit."""
-    finite = {n: [v for p in points if math.isfinite(v := getattr(p, n))] for n in WORST_OF_MARGIN}
+    finite = {n: [v for p in points if math.isfinite(v := getattr(p.margins, n))] for n in WORST_OF_MARGIN}
     return WorstMargins(**{n: worst(finite[n], default=math.nan) for n, worst in WORST_OF_MARGIN.items()})
 
 
@@ -434,8 +435,7 @@ def _write_margins(tables: Tables, cuts: Sequence[LoopCut]) -> None:
         for c in cuts
         for k in [np.unique(np.linspace(0, c.frequency.size - 1, MAX_FREQUENCIES).astype(int))]
     ]
-    units = {"x": "m", "speed": "m/s", "frequency": "1/s", "real": "1", "imaginary": "1"}
-    write_blocks(tables, "margins", "loop x speed frequency real imaginary", blocks, units)
+    tables.write("margins", "loop, x, speed [m/s], frequency [1/s], real [1], imaginary [1]", blocks)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,6 @@ from pneucli.messages.diagnose import (
     MIN_TOLD_PROBABILITY,
     Answer,
     CandidateAnswer,
-    DiscrepancyAnswer,
     FlowVerdict,
     GivenModel,
     Step,
@@ -227,10 +226,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         error_within_fitted=within,
         next_experiment=proposed_experiment(data, found),
         detectable=detection_limits(found, pipeline),
-        discrepancy=[
-            DiscrepancyAnswer(d.subsystem, d.channel, d.size, d.time_constant, d.over, d.share)
-            for d in found.discrepancies
-        ],
+        discrepancy=found.discrepancies,
         moved=[parameter_shift(one, pipeline) for one in found.parameter_shifts],
         unexplained=None if found.unexplained is None else unexplained_answer(found.unexplained),
         sets=fitted_sets(found),

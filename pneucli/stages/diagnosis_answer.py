@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,11 @@ from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.detectability import MinimumDetectableEffect
-from pneucli.diagnose.diagnosis import Diagnosis, ParameterShift
+from pneucli.diagnose.diagnosis import Diagnosis
 from pneucli.diagnose.discrepancy import UnexplainedResidual
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.set_evidence import VisitedSet
-from pneucli.figure import Figure
+from pneucli.figure import FIGURE_COLUMNS, Figure
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
 from pneucli.io.artifacts import Tables
@@ -46,7 +47,6 @@ from pneucli.simulate.model import Model
 from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.planned_recordings import planned_recording
-from pneucli.stages.table_rows import write_table_rows
 
 SHAPE_BINS = 40
 SHAPE_FILE = "shape.parquet"
@@ -97,10 +97,10 @@ def fitted_sets(found: Diagnosis) -> list[FittedSet]:
     return [FittedSet(visited.effects, visited.cost) for visited in best[:MAX_SETS]]
 
 
-def parameter_shift(one: ParameterShift, study: PipelineData) -> Shift:
-    """Return the entry about a base parameter that the added effects changed."""
+def parameter_shift(one: Shift, study: PipelineData) -> Shift:
+    """Return the shift of a base parameter, per volume of the vessel where that volume is unknown."""
     factor, unit = vessel_scale(one.parameter, one.unit, study)
-    return Shift(one.parameter, factor * one.before, factor * one.after, unit, one.plausible)
+    return replace(one, from_=factor * one.from_, to=factor * one.to, unit=unit)
 
 
 def _discriminating_experiment(data: DiagnosisData, found: Diagnosis, name: str, other: str) -> str:
@@ -147,8 +147,11 @@ def write_diagnosis(pipeline: PipelineData, data: DiagnosisData, diagnosis: Diag
         for i, s in enumerate(diagnosis.sets)
         for channel, sums in s.visited.channels.items()
     ]
-    columns = "number effects sizes log_evidence probability cost channel readings log_variance"
-    write_table_rows(tables, "sets", columns, rows, dict.fromkeys(columns.split(), "1"))
+    columns = (
+        "number [1], effects [1], sizes [1], log_evidence [1], probability [1], cost [1], channel [1], readings [1], "
+        "log_variance [1]"
+    )
+    tables.write("sets", columns, rows)
 
 
 def _texts(visited: VisitedSet) -> tuple[str, str]:
@@ -171,21 +174,19 @@ def _write_tables(tables: Tables, answer: Answer, shapes: list[tuple[Any, ...]],
         for c in answer.candidates
         for name, p in (c.parameters or NOT_FITTED).items()
     ]
-    write_table_rows(
-        tables,
-        "candidates",
-        "effect error_before error_after parameter value unit ci_low ci_high supported missing "
-        "indistinguishable_from reason why",
-        candidates,
-        {"error_before": "1", "error_after": "1"} | dict.fromkeys(("value", "ci_low", "ci_high"), "see column unit"),
+    columns = (
+        f"effect, error_before [1], error_after [1], parameter, {FIGURE_COLUMNS}, supported, missing, "
+        "indistinguishable_from, reason, why"
     )
+    tables.write("candidates", columns, candidates)
     ladder = [(s.add or "", s.error_train, s.error_test) for s in answer.ladder]
-    write_table_rows(tables, "ladder", "add error_train error_test", ladder, {"error_train": "1", "error_test": "1"})
-    columns = "effect recording channel variable unit value residual_before residual_after expected"
-    values = dict.fromkeys(("residual_before", "residual_after", "expected"), "see column unit")
-    write_table_rows(tables, "shape", columns, shapes, values | {"value": "SI"})
-    columns = "channel acts_as variable unit value law"
-    write_table_rows(tables, "law", columns, laws, {"value": "SI", "law": "see column unit"})
+    tables.write("ladder", "add, error_train [1], error_test [1]", ladder)
+    columns = (
+        "effect, recording, channel, variable, unit, value [SI], residual_before [see column unit], "
+        "residual_after [see column unit], expected [see column unit]"
+    )
+    tables.write("shape", columns, shapes)
+    tables.write("law", "channel, acts_as, variable, unit, value [SI], law [see column unit]", laws)
 
 
 def _smooth_term_rows(residual: UnexplainedResidual | None) -> Iterable[tuple[Any, ...]]:

@@ -184,57 +184,32 @@ def write_flow(bench: FlowBench, tables: Tables, *, valve_map: bool) -> None:
         valve_map: Whether no other recording gives the valve's map.
 
     """
-    _write_rows(bench, tables)
-    u, levels = _command_grid(bench), _supply_levels(bench)
-    tables.write(
-        "flow_map",
-        _stack([_map_columns(bench, u, level) for level in levels]),
-        {"u": "V", "p": "Pa"} | dict.fromkeys(("flow", "flow_ci_low", "flow_ci_high"), "kg/s"),
+    columns = (
+        "path, recording, row [1], u [V], upstream [Pa], downstream [Pa], ratio [1], flow [kg/s], fitted [kg/s], "
+        "residual [kg/s], deviation [kg/s], conductance [m^3/(s Pa)], conductance_fitted [m^3/(s Pa)]"
     )
+    tables.write("flow_rows", columns, [_rows(bench, path) for path in bench.paths])
+    u, levels = _command_grid(bench), _supply_levels(bench)
+    columns = "u [V], p_supply, p [Pa], flow [kg/s], flow_ci_low [kg/s], flow_ci_high [kg/s]"
+    tables.write("flow_map", columns, [_map(bench, u, level) for level in levels])
     if np.isfinite(u).sum() < 2:
         return
-    tables.write(
-        "flow_inverse", _inverse_columns(bench, bench.supply), {"flow": "kg/s", "p": "Pa", "u": "V", "reachable": "1"}
-    )
+    tables.write("flow_inverse", "flow [kg/s], p [Pa], u [V], reachable [1]", [_inverse(bench, bench.supply)])
     if valve_map and bench.rig.vessel_volume is not None:
         _write_valve_map(bench, u, tables)
 
 
-def _write_rows(bench: FlowBench, tables: Tables) -> None:
-    """Write the fitted rows with pressure ratio, conductance and residual."""
-    paths = bench.paths
-    sizes = [path.rows.flow.size for path in paths]
-    parts = [_row_columns(path) for path in paths]
-    table: dict[str, Any] = {
-        "path": [path_label(bench, path).strip("()") for path, n in zip(paths, sizes, strict=True) for _ in range(n)],
-        "recording": [str(name) for path in paths for name in path.rows.recording],
-        "row": np.concatenate([path.rows.row for path in paths]),
-    }
-    tables.write(
-        "flow_rows",
-        table | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
-        {"row": "1", "ratio": "1", "upstream": "Pa", "downstream": "Pa", "u": "V"}
-        | dict.fromkeys(("flow", "fitted", "residual", "deviation"), "kg/s")
-        | dict.fromkeys(("conductance", "conductance_fitted"), "m^3/(s Pa)"),
-    )
-
-
-def _row_columns(path: FlowPath) -> dict[str, Array]:
+def _rows(bench: FlowBench, path: FlowPath) -> tuple[Any, ...]:
+    """Return the fitted rows with pressure ratio, conductance and residual."""
     rows = path.rows
     unit = iso_mass_flow(FlowCharacteristics(1.0), rows.upstream, 0.0 * rows.upstream, rows.temperature)
     fitted = path.flow(rows.upstream, rows.downstream, rows.temperature)
-    return {
-        "u": np.full(rows.flow.size, np.nan if rows.u is None else rows.u),
-        "upstream": rows.upstream,
-        "downstream": rows.downstream,
-        "ratio": rows.ratio,
-        "flow": rows.sign * rows.flow,
-        "fitted": rows.sign * fitted,
-        "residual": rows.sign * path.residual,
-        "deviation": path.deviation,
-        "conductance": rows.flow / unit,
-        "conductance_fitted": fitted / unit,
-    }
+    return (
+        *(path_label(bench, path).strip("()"), np.array([*map(str, rows.recording)], dtype=object), rows.row),
+        *(np.nan if rows.u is None else rows.u, rows.upstream, rows.downstream, rows.ratio),
+        *(rows.sign * rows.flow, rows.sign * fitted, rows.sign * path.residual, path.deviation),
+        *(rows.flow / unit, fitted / unit),
+    )
 
 
 def _command_grid(bench: FlowBench) -> Array:
@@ -267,36 +242,21 @@ def _pressures(bench: FlowBench, supply: float) -> Array:
     return np.linspace(least, max([supply, *tops]), GRID_POINTS)
 
 
-def _map_columns(bench: FlowBench, u: Array, supply: float) -> dict[str, Array]:
+def _map(bench: FlowBench, u: Array, supply: float) -> tuple[Any, ...]:
     at = bench.surface(u, supply, _pressures(bench, supply))
     commands, p = np.meshgrid(at.u, at.p, indexing="ij")
-    return {
-        "u": commands.ravel(),
-        "p_supply": np.full(p.size, supply),
-        "p": p.ravel(),
-        "flow": at.flow.ravel(),
-        "flow_ci_low": (at.flow - at.half).ravel(),
-        "flow_ci_high": (at.flow + at.half).ravel(),
-    }
+    low, high = at.flow - at.half, at.flow + at.half
+    return commands.ravel(), supply, p.ravel(), at.flow.ravel(), low.ravel(), high.ravel()
 
 
-def _stack(parts: list[dict[str, Array]]) -> dict[str, Array]:
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def _inverse_columns(bench: FlowBench, supply: float) -> dict[str, Any]:
+def _inverse(bench: FlowBench, supply: float) -> tuple[Array, ...]:
     p = _pressures(bench, supply)
     tested = bench.commands[np.isfinite(bench.commands)]
     at = bench.surface(tested, supply, p).flow
     flow = np.linspace(at.min(), at.max(), GRID_POINTS)
     commands, reachable = zip(*(bench.command(flow, supply, float(one)) for one in p), strict=True)
     flows, pressures = np.meshgrid(flow, p, indexing="ij")
-    return {
-        "flow": flows.ravel(),
-        "p": pressures.ravel(),
-        "u": np.array(commands).T.ravel(),
-        "reachable": np.array(reachable).T.ravel(),
-    }
+    return flows.ravel(), pressures.ravel(), np.array(commands).T.ravel(), np.array(reachable).T.ravel()
 
 
 def gradient_per_flow(rig: Rig) -> float:
@@ -312,19 +272,10 @@ def gradient_per_flow(rig: Rig) -> float:
 
 def _write_valve_map(bench: FlowBench, u: Array, tables: Tables) -> None:
     """Write the map and the inverse for the rig's vessel, in the columns of a charge and discharge test."""
-    factor, supply = gradient_per_flow(bench.rig), bench.supply
-    columns = _map_columns(bench, u, supply)
-    ends = {"p_gradient": "flow", "p_gradient_ci_low": "flow_ci_low", "p_gradient_ci_high": "flow_ci_high"}
-    table: dict[str, Any] = {"u": columns["u"], "p": columns["p"]}
-    table |= {name: factor * columns[flow] for name, flow in ends.items()}
-    tables.write(
-        "valve_map",
-        table | {"covered": np.ones(columns["u"].size, dtype=bool)},
-        {"u": "V", "p": "Pa", "covered": "1"} | dict.fromkeys(ends, "Pa/s"),
-    )
-    inverse = _inverse_columns(bench, supply)
-    tables.write(
-        "valve_inverse",
-        {"p_gradient": factor * inverse.pop("flow"), **inverse},
-        {"p_gradient": "Pa/s", "p": "Pa", "u": "V", "reachable": "1"},
-    )
+    factor = gradient_per_flow(bench.rig)
+    commands, _, p, *flows = _map(bench, u, bench.supply)
+    block = (commands, p, *(factor * flow for flow in flows), np.ones(p.size, dtype=bool))
+    columns = "u [V], p [Pa], p_gradient [Pa/s], p_gradient_ci_low [Pa/s], p_gradient_ci_high [Pa/s], covered [1]"
+    tables.write("valve_map", columns, [block])
+    flow, *rest = _inverse(bench, bench.supply)
+    tables.write("valve_inverse", "p_gradient [Pa/s], p [Pa], u [V], reachable [1]", [(factor * flow, *rest)])

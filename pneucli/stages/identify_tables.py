@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.figure import INTERVAL_UNITS, Figure, named
+from pneucli.figure import FIGURE_COLUMNS, Figure, named
 from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.progress import Iteration
 from pneucli.identify.friction.identification import FrictionIdentification
-from pneucli.identify.friction.stick_slip import StickSlip
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
@@ -27,22 +26,15 @@ from pneucli.messages.identify import (
     Friction,
     KineticLevel,
     MapResidual,
-    Repeats,
     Source,
     Uncertainty,
     Valve,
     ValveDeviation,
 )
 from pneucli.quantities import Z95
-from pneucli.stages.table_rows import write_blocks, write_table_rows
 
-Columns = dict[str, NDArray[Any]]
-INTERVAL_COLUMNS = ("ci_low", "ci_high")
-GRADIENT_COLUMNS = ("gradient", *INTERVAL_COLUMNS)
-LACK_OF_FIT_COLUMNS = (
-    "difference",
-    *(f"{name}{end}" for name in ("model", "measured") for end in ("", "_ci_low", "_ci_high")),
-)
+Block = Sequence[Any]  # of rows of a table
+Written = tuple[str, str, Iterable[Block]]  # name, columns and blocks of a table
 MAX_TRAIN_RESIDUAL = 3.0  # times the noise: the limit of a good map on its own curves
 MAX_TEST_TO_TRAIN = 2.0  # times the residual on fitted curves
 MODEL_POINTS = 401
@@ -52,8 +44,7 @@ SOURCE_KEYS = "uncertainty unit sensitivity contribution bound factors"
 
 def write_parameters(found: Mapping[str, Figure], tables: Tables) -> None:
     """Write ``parameters``, a row for each parameter or characteristic."""
-    rows = [(name, one.value, one.unit, one.low, one.high) for name, one in found.items()]
-    write_table_rows(tables, "parameters", "name value unit ci_low ci_high", rows, INTERVAL_UNITS)
+    tables.write("parameters", f"name, {FIGURE_COLUMNS}", [(name, *one.row) for name, one in found.items()])
 
 
 def write_parameter_relations(
@@ -63,39 +54,32 @@ def write_parameter_relations(
     names = [e.name for e in found.estimates]
     pairs = [(one, other) for one in names for other in names]
     related = [(*pair, r) for pair, r in zip(pairs, parameter_correlation(found).ravel(), strict=True)]
-    write_table_rows(tables, "correlation", "name other correlation", related, {"correlation": "1"})
+    tables.write("correlation", "name, other, correlation [1]", related)
     felt = [(s.name, s.channel, s.times_noise) for s in sensitivities(found, views)]
-    write_table_rows(tables, "sensitivity", "name channel times_noise", felt, {"times_noise": "1"})
+    tables.write("sensitivity", "name, channel, times_noise [1]", felt)
     walked = [(", ".join(r.effects), r.search, r.round, r.residual) for r in rounds]
-    units = dict.fromkeys(("search", "round", "residual"), "1")
-    write_table_rows(tables, "iterations", "effects search round residual", walked, units)
+    tables.write("iterations", "effects, search [1], round [1], residual [1]", walked)
 
 
 def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
     """Write ``uncertainty_budget``: a row for each source of each result."""
-    rows = [(budget, one) for budget in budgets for one in budget.contributions]
-    if not rows:
-        return
-    tables.write_rows(
-        "uncertainty_budget",
-        [
-            {"name": budget.name, "unit": budget.figure.unit}
-            | named(one, "source")
-            | {"type": one.kind, "uncertainty_unit": one.unit, "bound": one.bound}
-            | named(one, "uncertainty sensitivity contribution")
-            | {"share": budget.share(one)}
-            | {"value": budget.figure.value}
-            | named(budget, "combined expanded")
-            | {"ci_low": budget.figure.low, "ci_high": budget.figure.high}
-            for budget, one in rows
-        ],
-        {
-            **INTERVAL_UNITS,
-            **dict.fromkeys(("contribution", "combined", "expanded"), "see column unit"),
-            **{"uncertainty": "see column uncertainty_unit", "sensitivity": "unit / uncertainty_unit"},
-            **{"share": "1", "bound": "1"},
-        },
-    )
+    rows = [
+        (
+            *(budget.name, budget.figure.unit, one.source, one.kind, one.unit, one.bound),
+            *(one.uncertainty, one.sensitivity, one.contribution, budget.share(one)),
+            *(budget.figure.value, budget.combined, budget.expanded, budget.figure.low, budget.figure.high),
+        )
+        for budget in budgets
+        for one in budget.contributions
+    ]
+    if rows:
+        columns = (
+            "name, unit, source, type, uncertainty_unit, bound [1], uncertainty [see column uncertainty_unit], "
+            "sensitivity [unit / uncertainty_unit], contribution [see column unit], share [1], "
+            "value [see column unit], combined [see column unit], expanded [see column unit], "
+            "ci_low [see column unit], ci_high [see column unit]"
+        )
+        tables.write("uncertainty_budget", columns, rows)
 
 
 def budgets_answer(budgets: Sequence[Budget]) -> Uncertainty:
@@ -129,101 +113,73 @@ def friction_answer(friction: FrictionIdentification) -> Friction:
         kinetic=[KineticLevel(k.recording, k.pressures, k.speed, k.friction) for k in friction.kinetic],
         breakaway=friction.break_aways,
         over_pressure=friction.pressure_dependence,
-        repeats=[Repeats(r.recordings, r.friction, "N", r.spread) for r in friction.repeatability],
+        repeats=friction.repeatability,
         deviations=[named(d, DEVIATION_KEYS) for d in friction.deviations],
     )
 
 
 def write_friction(friction: FrictionIdentification, tables: Tables) -> None:
     """Write models A to F, curves, stick-slips, tables 6.2 and 6.3, kinetic friction, TP weights and vertices."""
-    grid = np.linspace(-friction.domain.max_velocity, friction.domain.max_velocity, MODEL_POINTS)
-    models = [
-        {"model": m.name, "branch": b.branch, "v": v, "force": f}
-        for m in friction.models
-        for b in m.branches
-        for v, f in zip(grid, b.force(grid), strict=True)
-    ]
-    tables.write_rows("friction_models", models, {"v": "m/s", "force": "N"})
-    slip = [
-        {"model": r.model, "time": time, "v": v, "v_model": vm, "a": a, "a_model": am}
-        for r in friction.replays
-        for time, v, vm, a, am in zip(r.time, r.v, r.v_model, r.a, r.a_model, strict=True)
-    ]
-    units = {"v_model": "m/s", "a_model": "m/s^2"}
-    tables.write_rows("friction_replays", slip, units)
-    curves = [
-        {"branch": c.branch, "v": v, "force": f, "ci_low": low, "ci_high": high, "count": float(n)}
-        for c in friction.curves
-        for v, f, low, high, n in zip(c.v, c.force, c.ci_low, c.ci_high, c.count, strict=True)
-    ]
-    force = {"force": "N", "ci_low": "N", "ci_high": "N"}
-    tables.write_rows("friction_curves", curves, {"v": "m/s", "count": "1", **force})
-    _write_cuts(friction.stick_slips, tables)
-    _write_averages(friction, tables)
-    _write_tables(friction, tables)
-    _write_tp(friction, tables)
+    written = (_friction_curves(friction), _friction_models(friction), _friction_figures(friction))
+    for name, columns, found in chain(*written):
+        if blocks := list(found):
+            tables.write(name, columns, blocks)
 
 
-def _write_cuts(cuts: Sequence[StickSlip], tables: Tables) -> None:
-    blocks = [
+def _friction_curves(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and blocks of what was measured."""
+    measured = ((c.branch, c.v, c.force, c.ci_low, c.ci_high, c.count.astype(float)) for c in friction.curves)
+    yield "friction_curves", "branch, v, force [N], ci_low [N], ci_high [N], count [1]", measured
+    slips = (
         (c.recording, float(i), float(c.direction), c.time, c.speed, c.friction)
-        for i, c in enumerate(cuts)
+        for i, c in enumerate(friction.stick_slips)
         if c.time.size
-    ]
-    units = {"cut": "1", "direction": "1", "time": "s", "speed": "m/s", "force": "N"}
-    if blocks:
-        write_blocks(tables, "friction_cuts", "recording cut direction time speed force", blocks, units)
+    )
+    yield "friction_cuts", "recording, cut [1], direction [1], time [s], speed [m/s], force [N]", slips
+    averages = (
+        (a.branch, float(a.direction), a.speed, a.friction, a.error, a.count.astype(float)) for a in friction.averages
+    )
+    columns = "branch, direction [1], speed [m/s], force [N], error [N], count [1]"
+    yield "friction_averages", columns, averages
 
 
-def _write_averages(friction: FrictionIdentification, tables: Tables) -> None:
-    rows = [
-        {"branch": a.branch, "direction": float(a.direction), "speed": s, "force": f, "error": e, "count": float(n)}
-        for a in friction.averages
-        for s, f, e, n in zip(a.speed, a.friction, a.error, a.count, strict=True)
-    ]
-    units = {"direction": "1", "speed": "m/s", "force": "N", "error": "N", "count": "1"}
-    tables.write_rows("friction_averages", rows, units)
+def _friction_models(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and blocks of the models."""
+    branches = [(m.name, b) for m in friction.models for b in m.branches]
+    grid = np.linspace(-friction.domain.max_velocity, friction.domain.max_velocity, MODEL_POINTS)
+    models = ((name, b.branch, grid, b.force(grid)) for name, b in branches)
+    yield "friction_models", "model, branch, v, force [N]", models
+    replays = ((r.model, r.time, r.v, r.v_model, r.a, r.a_model) for r in friction.replays)
+    yield "friction_replays", "model, time, v, v_model [m/s], a, a_model [m/s^2]", replays
+    parameters = ((model, b.branch, name, *one.row) for model, b in branches for name, one in b.parameters.items())
+    yield "friction_parameters", f"model, branch, name, {FIGURE_COLUMNS}", parameters
+    convex = [(name, b.branch, b.tp) for name, b in branches if b.tp is not None]
+    weights = (
+        (name, branch, float(vertex), tp.grids[0], weight)
+        for name, branch, tp in convex
+        for vertex, weight in enumerate(tp.weights[0].T)
+    )
+    yield "tp_weights", "model, branch, vertex [1], v, weight [1]", weights
+    vertices = ((name, branch, np.arange(float(tp.vertices.size)), tp.vertices.ravel()) for name, branch, tp in convex)
+    yield "tp_vertices", "model, branch, vertex [1], a22 [1/s]", vertices
 
 
-def _write_tables(friction: FrictionIdentification, tables: Tables) -> None:
-    columns = "model recording use channel rmsd unit percent relative_percent noise"
-    rows = [named(d, columns) | {"lacks": ", ".join(friction.unmodelled_effects[d.model])} for d in friction.deviations]
-    units = {"rmsd": "see column unit", "noise": "see column unit", "percent": "%", "relative_percent": "%"}
-    tables.write_rows("friction_deviations", rows, units)
-    parameters = [
-        {"model": m.name, "branch": b.branch, "name": name} | v.columns
-        for m in friction.models
-        for b in m.branches
-        for name, v in b.parameters.items()
-    ]
-    tables.write_rows("friction_parameters", parameters, INTERVAL_UNITS)
-    kinetic = [
-        {"recording": k.recording, "p1": k.pressures.get("p1", np.nan), "speed": k.speed, "friction": k.friction.value}
-        | {"ci_low": k.friction.low, "ci_high": k.friction.high, "offset": k.offset.value}
+def _friction_figures(friction: FrictionIdentification) -> Iterator[Written]:
+    """Yield name, columns and rows of what recordings have one of."""
+    keys = "model recording use channel rmsd unit percent relative_percent noise"
+    lacks = {name: ", ".join(effects) for name, effects in friction.unmodelled_effects.items()}
+    columns = (
+        "model, recording, use, channel, rmsd [see column unit], unit, percent [%], relative_percent [%], "
+        "noise [see column unit], lacks"
+    )
+    deviations = ((*named(d, keys).values(), lacks[d.model]) for d in friction.deviations)
+    yield "friction_deviations", columns, deviations
+    levels = (
+        (k.recording, k.pressures.get("p1", np.nan), k.speed, f.value, f.low, f.high, k.offset.value)
         for k in friction.kinetic
-    ]
-    units = {"p1": "Pa", "speed": "m/s", "friction": "N", "offset": "N", "ci_low": "N", "ci_high": "N"}
-    tables.write_rows("friction_kinetic", kinetic, units)
-
-
-def _write_tp(friction: FrictionIdentification, tables: Tables) -> None:
-    weights: list[dict[str, Any]] = []
-    vertices: list[dict[str, Any]] = []
-    for m in friction.models:
-        for b in m.branches:
-            if b.tp is None:
-                continue
-            for j, column in enumerate(b.tp.weights[0].T):
-                weights += [
-                    {"model": m.name, "branch": b.branch, "vertex": float(j), "v": v, "weight": w}
-                    for v, w in zip(b.tp.grids[0], column, strict=True)
-                ]
-            vertices += [
-                {"model": m.name, "branch": b.branch, "vertex": float(j), "a22": float(a)}
-                for j, a in enumerate(np.ravel(b.tp.vertices))
-            ]
-    tables.write_rows("tp_weights", weights, {"vertex": "1", "v": "m/s", "weight": "1"})
-    tables.write_rows("tp_vertices", vertices, {"vertex": "1", "a22": "1/s"})
+        for f in [k.friction]
+    )
+    yield "friction_kinetic", "recording, p1, speed [m/s], friction [N], ci_low [N], ci_high [N], offset [N]", levels
 
 
 def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Estimate], tables: Tables) -> None:
@@ -231,35 +187,14 @@ def write_valves(valves: Sequence[ValveIdentification], estimates: Sequence[Esti
 
     Commands are those that went to the valve. A column has the chamber where both are driven.
     """
-    gradients = ("p_gradient", "p_gradient_ci_low", "p_gradient_ci_high")
-    kinds: dict[str, tuple[Callable[[ValveIdentification], Columns], dict[str, str]]] = {
-        "valve_map": (_map, dict.fromkeys(gradients, "Pa/s") | {"covered": "1"}),
-        "valve_inverse": (_inverse, {"p_gradient": "Pa/s", "reachable": "1"}),
-        "valve_lack_of_fit": (_lack_of_fit_columns, dict.fromkeys(LACK_OF_FIT_COLUMNS, "Pa/s") | {"outside": "1"}),
-        "valve_areas": (
-            partial(_areas, estimates=estimates),
-            dict.fromkeys(("area", *INTERVAL_COLUMNS), area_unit(estimates)) | {"opening": "V"},
-        ),
-        "valve_curves": (
-            _curves,
-            {"time": "s", "measured": "Pa", "fitted": "Pa", "mass_flow": "kg/s"}
-            | dict.fromkeys(GRADIENT_COLUMNS, "Pa/s"),
-        ),
-    }
     both = valves[0].model_gradient.model.rig.arrangement.drives_both
-    for name, (columns, units) in kinds.items():
-        parts = [columns(valve) for valve in valves]
-        if both:
-            chambers = [
-                {"chamber": np.full(len(part["u"]), valve.chamber)} for part, valve in zip(parts, valves, strict=True)
-            ]
-            parts = [chamber | part for chamber, part in zip(chambers, parts, strict=True)]
-        table = {key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]}
-        tables.write(
-            name,
-            {key: values if values.dtype.kind in "bif" else list(values) for key, values in table.items()},
-            {key: unit for key, unit in ({"u": "V", "p": "Pa", "chamber": "1"} | units).items() if key in table},
-        )
+    written: dict[tuple[str, str], list[Block]] = {}
+    for valve in valves:
+        for name, columns, blocks in _valve_tables(valve, estimates):
+            own = [(valve.chamber, *block) if both else block for block in blocks]
+            written.setdefault((name, columns), []).extend(own)
+    for (name, columns), listed in written.items():
+        tables.write(name, f"chamber [1], {columns}" if both else columns, listed)
 
 
 def area_unit(estimates: Sequence[Estimate]) -> str:
@@ -267,65 +202,37 @@ def area_unit(estimates: Sequence[Estimate]) -> str:
     return next((e.unit for e in estimates if e.unit.startswith("m^2") and "area" in e.name), "m^2")
 
 
-def _map(valve: ValveIdentification) -> Columns:
-    grid = valve.map
+def _valve_tables(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Iterator[Written]:
+    """Yield name, columns and blocks of the tables of one valve; lack of fit is that of covered commands."""
+    grid, inverse, lack, back = valve.map, valve.inverse, valve.lack_of_fit, valve.command_conversion.from_opening
     u, p = np.meshgrid(grid.u, grid.p, indexing="ij")
-    return {
-        "u": u.ravel(),
-        "p": p.ravel(),
-        "p_gradient": grid.gradient.ravel(),
-        "p_gradient_ci_low": grid.ci_low.ravel(),
-        "p_gradient_ci_high": grid.ci_high.ravel(),
-        "covered": grid.covered.ravel(),
-    }
-
-
-def _inverse(valve: ValveIdentification) -> Columns:
-    inverse = valve.inverse
+    gradients = "p_gradient [Pa/s], p_gradient_ci_low [Pa/s], p_gradient_ci_high [Pa/s]"
+    values: Block = (u, p, grid.gradient, grid.ci_low, grid.ci_high, grid.covered)
+    yield "valve_map", f"u [V], p [Pa], {gradients}, covered [1]", [[one.ravel() for one in values]]
     gradient, p = np.meshgrid(inverse.p_gradient, inverse.p, indexing="ij")
-    columns = {"p_gradient": gradient, "p": p, "u": inverse.u, "reachable": inverse.reachable}
-    return {name: values.ravel() for name, values in columns.items()}
-
-
-def _lack_of_fit_columns(valve: ValveIdentification) -> Columns:
-    """Return the model's valve and the measured gradients at covered commands."""
-    lack = valve.lack_of_fit
-    columns = {
-        "u": valve.command_conversion.from_opening(lack.u),
-        "p": lack.p,
-        "model": lack.model,
-        "model_ci_low": lack.model - Z95 * lack.model_error,
-        "model_ci_high": lack.model + Z95 * lack.model_error,
-        "measured": lack.measured,
-        "measured_ci_low": lack.measured - lack.half_interval,
-        "measured_ci_high": lack.measured + lack.half_interval,
-        "difference": lack.difference,
-        "outside": lack.outside,
-    }
-    return {name: values[lack.covered] for name, values in columns.items()}
-
-
-def _areas(valve: ValveIdentification, estimates: Sequence[Estimate]) -> Columns:
-    """Return the effective areas of the model's valve."""
-    found = {e.name: e for e in estimates}
+    values = (gradient, p, inverse.u, inverse.reachable)
+    yield "valve_inverse", "p_gradient [Pa/s], p [Pa], u [V], reachable [1]", [[one.ravel() for one in values]]
+    model, measured = (
+        (middle, middle - half, middle + half)
+        for middle, half in ((lack.model, Z95 * lack.model_error), (lack.measured, lack.half_interval))
+    )
+    values = (back(lack.u), lack.p, *model, *measured, lack.difference, lack.outside)
+    columns = (
+        "u [V], p [Pa], model [Pa/s], model_ci_low [Pa/s], model_ci_high [Pa/s], measured [Pa/s], "
+        "measured_ci_low [Pa/s], measured_ci_high [Pa/s], difference [Pa/s], outside [1]"
+    )
+    yield "valve_lack_of_fit", columns, [[one[lack.covered] for one in values]]
+    found, unit = {e.name: e for e in estimates}, area_unit(estimates)
     areas = [(c, found[name]) for c, name in valve.model_gradient.valve.area_names.items() if name in found]
-    return {
-        "u": valve.command_conversion.from_opening(np.array([c for c, _ in areas])),
-        "opening": np.array([c for c, _ in areas]),
-        "area": np.array([e.value for _, e in areas]),
-        "ci_low": np.array([e.ci95[0] for _, e in areas]),
-        "ci_high": np.array([e.ci95[1] for _, e in areas]),
-    }
-
-
-def _curves(valve: ValveIdentification) -> Columns:
-    curves, sizes = valve.curves, [c.time.size for c in valve.curves]
-    named = np.repeat(np.array([c.recording for c in curves], dtype=object), sizes)
-    columns: Columns = {"recording": named, "u": np.repeat(np.array([c.u for c in curves]), sizes)}
-    for name in ("time", "measured", "fitted", *GRADIENT_COLUMNS):
-        columns[name] = np.concatenate([np.zeros(0), *(getattr(c, name) for c in curves)])
-    columns["mass_flow"] = mass_flow(valve, columns["gradient"])
-    return columns
+    opening, area, low, high = np.array([(c, e.value, *e.ci95) for c, e in areas]).reshape(-1, 4).T
+    columns = f"u [V], opening [V], area [{unit}], ci_low [{unit}], ci_high [{unit}]"
+    yield "valve_areas", columns, [(back(opening), opening, area, low, high)]
+    curves = (
+        (c.recording, c.u, c.time, c.measured, c.fitted, c.gradient, c.ci_low, c.ci_high, mass_flow(valve, c.gradient))
+        for c in valve.curves
+    )
+    columns = "u [V], time [s], measured [Pa], fitted [Pa], gradient [Pa/s], ci_low [Pa/s], ci_high [Pa/s]"
+    yield "valve_curves", f"recording, {columns}, mass_flow [kg/s]", curves
 
 
 def mass_flow(valve: ValveIdentification, gradient: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,13 +26,11 @@ from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import to_answer, to_json
 from pneucli.gases import AIR
-from pneucli.io.artifacts import Provenance, TableWriter, sha256_of, write_table
+from pneucli.io.artifacts import Provenance, Tables, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
 from pneucli.io.recordings import (
-    NOISE_FILE,
-    RECORDINGS_FILE,
     REPAIRS_FILE,
     SIGNALS_FILE,
     load_recordings,
@@ -441,36 +439,32 @@ def pool_noise_by_sensor(done: list[IngestedRecording]) -> None:
 
 def write_tables(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
     """Write all tables but the signals."""
-    rows: list[dict[str, Any]] = [to_json(_recording_answer(one)) for one in done]
-    columns = {key: [row[key] for row in rows] for key in rows[0] if key not in NOT_IN_TABLE}
-    units = {"period": "s", "chamber": "1", "added_mass": "kg"} | dict.fromkeys(
-        ("rows_read", "samples", *map(loss_column, LOSS_MESSAGES)), "1"
+    tables = Tables(out, "ingest", about)
+    rows = [to_json(_recording_answer(one)) for one in done]
+    losses = ", ".join(f"{loss_column(kind)} [1]" for kind in LOSS_MESSAGES)
+    columns = (
+        "name, experiment, use, chamber_2, imposed, valve_shut, chamber [1], added_mass [kg], file, sha256, "
+        f"rows_read [1], samples [1], {losses}, period [s]"
     )
-    write_table(out / RECORDINGS_FILE, columns, units=units, schema="pneucli/ingest/recordings/1", provenance=about)
-    _write_noise(out, done, about)
+    tables.write("recordings", columns, [[row[key] for key in row if key not in NOT_IN_TABLE] for row in rows])
+    noise = [
+        (
+            *(one.source.name, name, SIGNALS[name].unit, m.white, m.coloured, m.pole, m.period, m.step),
+            *(m.interval or UNKNOWN),
+            json.dumps(m.lines),
+        )
+        for one in done
+        for name, m in one.noise.items()
+    ]
+    columns = (
+        "recording, signal, unit, white [column unit], coloured [column unit], pole [1], period [s], "
+        "step [column unit], least [column unit], most [column unit], lines"
+    )
+    tables.write("noise", columns, noise)
     repairs = _repairs(done)
     listed = {one.name: [getattr(repair, one.name) for repair in repairs] for one in fields(RepairAnswer)}
     table = listed | {"count": np.array(listed["count"], np.int64)}
     write_table(out / REPAIRS_FILE, table, units={"count": "1"}, schema="pneucli/ingest/repairs/1", provenance=about)
-
-
-def _write_noise(out: Path, done: list[IngestedRecording], about: Provenance) -> None:
-    """Write a long table, its quantities mixed: the column ``unit`` says what each row is in."""
-    rows = [(one.source.name, name, model) for one in done for name, model in one.noise.items()]
-    numbers = ("white", "coloured", "pole", "period", "step")
-    columns: dict[str, Any] = {
-        "recording": [row[0] for row in rows],
-        "signal": [row[1] for row in rows],
-        "unit": [SIGNALS[row[1]].unit for row in rows],
-        **{key: np.array([getattr(row[2], key) for row in rows], np.float64) for key in numbers},
-        **{
-            key: np.array([(row[2].interval or UNKNOWN)[at] for row in rows])
-            for at, key in enumerate(("least", "most"))
-        },
-        "lines": [json.dumps(row[2].lines) for row in rows],
-    }
-    units = dict.fromkeys(("white", "coloured", "step", "least", "most"), "column unit") | {"pole": "1", "period": "s"}
-    write_table(out / NOISE_FILE, columns, units=units, schema="pneucli/ingest/noise/1", provenance=about)
 
 
 def loss_column(kind: str) -> str:

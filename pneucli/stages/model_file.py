@@ -14,7 +14,6 @@ from pneucli.simulate.model import Model, ValveForm, with_parameters
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.linear import LinearValve
 from pneucli.simulate.valve_forms.switching import SwitchingValve
-from pneucli.stages.table_rows import write_table_rows
 
 MODEL_FILE = "model.parquet"
 DRAWS_FILE = "parameter_draws.parquet"
@@ -24,7 +23,7 @@ def save_model(model: Model, tables: Tables) -> None:
     """Write a model's values and its valve."""
     rows = [("value", name, np.nan, value) for name, value in model.values.items()]
     rows += [row for valve in model.valves for row in _valve_rows(valve)]
-    write_table_rows(tables, "model", "kind name command value", rows, {"command": "V", "value": "SI"})
+    tables.write("model", "kind, name, command [V], value [SI]", rows)
 
 
 def _valve_rows(valve: ValveForm) -> list[tuple[str, str, float, float]]:
@@ -72,7 +71,7 @@ def load_model(folder: Path, rig: Rig, effects: tuple[Effect, ...]) -> Model:
 def save_drawn_parameters(drawn: Sequence[Mapping[str, float]], tables: Tables) -> None:
     """Write parameters that the recordings allow as well, a row for each draw and parameter."""
     rows = [(i, name, value) for i, values in enumerate(drawn) for name, value in values.items()]
-    write_table_rows(tables, "parameter_draws", "draw name value", rows, {"draw": "1", "value": "SI"})
+    tables.write("parameter_draws", "draw [1], name, value [SI]", rows)
 
 
 def load_drawn_models(folder: Path, model: Model) -> list[Model]:

@@ -13,7 +13,7 @@ from pneucli.compare.free_run import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import subsample
 from pneucli.errors import InputError, require_known
-from pneucli.figure import read, to_json
+from pneucli.figure import to_json
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
 from pneucli.identify.guesses.null_command import with_identified_null
@@ -21,7 +21,7 @@ from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, Tables, sha256_of
 from pneucli.io.recordings import load_recordings
 from pneucli.memory import release_free_memory
-from pneucli.messages import ingest
+from pneucli.messages import answer_of, ingest
 from pneucli.messages.compare import LeftOut
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.progress import counted
@@ -90,7 +90,7 @@ class PipelineData:
     @cached_property
     def ingested(self) -> ingest.Answer:
         """The answer of ``ingest``."""
-        return read(ingest.Answer, self.context.answers.get("ingest", {}))
+        return answer_of(ingest.Answer, self.context.answers)
 
     @cached_property
     def contradictions(self) -> list[ingest.Implausible]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,13 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, free_parameters
 from pneucli.identify.residuals import ResidualModel
-from pneucli.io.artifacts import Provenance, atomic_path, write_table
+from pneucli.io.artifacts import Provenance, Tables, write_text
+from pneucli.messages import answer_of, diagnose
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.plan import (
     GOOD_POWER,
     Answer,
+    ExceededLimit,
     Expected,
     ManualStep,
     PlannedRecording,
@@ -166,14 +167,13 @@ def _needed_by_hand(basis: Basis, information: Array, seconds: float) -> list[Ma
 
 
 COMMAND_PERIOD = 1e-3  # s, between the rows of commands.csv
-COMMANDS_FILE, STEPS_FILE, POWER_FILE, PAGE_FILE = "commands.csv", "steps.md", "power.parquet", "plan.html"
+COMMANDS_FILE, STEPS_FILE, PAGE_FILE = "commands.csv", "steps.md", "plan.html"
 COLUMNS = {  # of commands.csv: header, factor from SI, decimals
     "u": ("u [V]", 1.0, 5),
     "u2": ("u2 [V]", 1.0, 5),
     "p_ref": ("p_ref [bar]", 1e-5, 5),
     "x_ref": ("x_ref [mm]", 1e3, 4),
 }
-TYPES = {"size": np.float64, "power": np.float64, "typical": np.bool_}  # of columns of numbers, also empty ones
 
 
 def write_plan(
@@ -194,10 +194,12 @@ def write_plan(
     """
     out, rows = context.out, answer.recordings
     answer = replace(answer, sentence=answer.purpose)
-    _write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
-    _write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
-    _write_power(out / POWER_FILE, answer.power, Provenance({}, {"plan": context.config.document.get("plan", {})}))
-    _write_text(out / PAGE_FILE, plan_page(answer, predictions))
+    write_text(out / COMMANDS_FILE, commands_csv(programme, rows))
+    write_text(out / STEPS_FILE, answer.steps_page(context.path.name))
+    tables = Tables(out, "plan", Provenance({}, {"plan": context.config.document.get("plan", {})}))
+    columns = "effect, parameter, size [see column unit], unit, power [1], typical [1]"
+    tables.write("power", columns, map(astuple, answer.power))
+    write_text(out / PAGE_FILE, plan_page(answer, predictions))
     if targets := {*context.options.get("to", [])} & {"c", "st"}:
         played = [_played(m, row) for m, row in zip(programme, rows, strict=True)]
         write_players(out, targets, played, _player_limits(basis.limits, programme), context.config.name)
@@ -206,11 +208,6 @@ def write_plan(
         files=sorted(path.name for path in out.iterdir() if not path.name.startswith(".")),
         folder=f"{context.artifacts.parent.name}/{context.artifacts.name}/plan",
     )
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def commands_csv(programme: Sequence[Manoeuvre], rows: Sequence[PlannedRecording]) -> str:
@@ -245,14 +242,6 @@ def _commands(manoeuvre: Manoeuvre) -> dict[str, Array]:
     if manoeuvre.pressure is not None:
         found["p_ref"] = np.full(values.size, manoeuvre.pressure)
     return found
-
-
-def _write_power(path: Path, powers: Sequence[Power], provenance: Provenance) -> None:
-    columns = {
-        f.name: np.array([getattr(one, f.name) for one in powers], dtype=TYPES.get(f.name)) for f in fields(Power)
-    }
-    units = {"size": "see column unit", "power": "1", "typical": "1"}
-    write_table(path, columns, units=units, schema="pneucli/plan/power/1", provenance=provenance)
 
 
 def _played(manoeuvre: Manoeuvre, row: PlannedRecording) -> PlayedRecording:
@@ -376,17 +365,19 @@ def _refusals(basis: Basis) -> list[RefusedManoeuvre]:
     """Return the refused manoeuvres, each with the first limit that it exceeds."""
 
     def refused(one: Refused) -> RefusedManoeuvre:
-        first, row = one.violations[0], planned_recording(one.manoeuvre, basis.expectation.model)
-        return RefusedManoeuvre(
-            row.manoeuvre, row.bench, one.model, first.quantity, first.value, first.limit, first.unit
-        )
+        row = planned_recording(one.manoeuvre, basis.expectation.model)
+        return RefusedManoeuvre(row.manoeuvre, row.bench, one.model, one.violations[0])
 
-    return list({r.text + r.quantity: r for r in map(refused, basis.safety.refused)}.values())
+    return list({r.text + r.exceeded.quantity: r for r in map(refused, basis.safety.refused)}.values())
 
 
 def limits_too_narrow(where: str, refused: Sequence[RefusedManoeuvre]) -> InputError:
     """Return the refusal of a plan for which no manoeuvre is left, with the one that comes nearest to its limit."""
-    nearest = min(refused, key=lambda one: abs(one.value - one.limit) / max(abs(one.limit), 1e-9))
+
+    def excess(one: ExceededLimit) -> float:
+        return abs(one.value - one.limit) / max(abs(one.limit), 1e-9)
+
+    nearest = min(refused, key=lambda one: excess(one.exceeded))
     return InputError(
         where,
         f"none of {len(refused)} manoeuvres keeps the limits of the rig; the nearest is {nearest.reason}",
@@ -410,9 +401,10 @@ def diagnosed_pipeline(context: Context) -> Basis:
         )
     wanted = _wanted_effects(context, pipeline.available_effects)
     context.progress("fitting the best model")
-    best = _best_fit(pipeline, train)
+    diagnosis = answer_of(diagnose.Answer, context.answers)
+    best = _best_fit(pipeline, train, diagnosis.missing)
     present = [e.name for e in best.model.effects]
-    rivals = rivals_of_diagnosis(context.answers["diagnose"], present, wanted)
+    rivals = rivals_of_diagnosis(diagnosis, present, wanted)
     absent = with_absent_effects(best.model, pipeline.available_effects.values(), train)
     doubtful = {r.effect: without_effect(best.model, r.effect) for r in rivals if not r.present}
     expectation = Expectation(
@@ -434,7 +426,7 @@ def diagnosed_pipeline(context: Context) -> Basis:
         Safety(pipeline.rig, limits, models_to_check(best, checked)),
         expectation,
         rivals,
-        context.answers["diagnose"]["data"],
+        diagnosis.data,
     )
 
 
@@ -444,10 +436,10 @@ def _wanted_effects(context: Context, available: Mapping[str, Effect]) -> list[s
     return wanted
 
 
-def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel]) -> Fit:
+def _best_fit(pipeline: PipelineData, train: Sequence[ResidualModel], missing: Sequence[str]) -> Fit:
     """Return the fit of the model with the effects of the pipeline file and those that the diagnosis names."""
     given, where = pipeline.effects, f"{pipeline.context.path}, key model.effects"
-    named = [n for n in pipeline.context.answers["diagnose"]["missing"] if n not in {e.name for e in given}]
+    named = [n for n in missing if n not in {e.name for e in given}]
     added = select_effects(named, pipeline.available_effects, where)
     return with_intervals(fit_model(pipeline.guess(), train, (*given, *added)), train)
 

@@ -13,7 +13,7 @@ from pneucli.errors import InputError
 from pneucli.export.replay_check import MAX_DIFFERENCE
 from pneucli.figure import read, to_answer
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table, write_text
-from pneucli.messages import compare, diagnose
+from pneucli.messages import answer_of, compare, diagnose
 from pneucli.messages.design import Answer as Design
 from pneucli.messages.design import Gate, Scenarios, worst_value
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
@@ -158,7 +158,7 @@ def closed_loop_checks(answers: Answers) -> list[Check]:
     """
     if not answers.get("design"):
         return []
-    design, simulation = read(Design, answers["design"]), read(Simulation, answers.get("simulate") or {})
+    design, simulation = answer_of(Design, answers), answer_of(Simulation, answers)
     figures = simulation.closed_loop or design.compare.get(design.requirements["controller"], {})
     checks = [_gate(design.gate)] if design.gate else []
     if figures:

@@ -28,16 +28,15 @@ from pneucli.simulate.open_loop import OpenLoopRun, default_free_runs, run_scena
 from pneucli.stages.control_laws import (
     closed_loop_scenarios,
     closed_loop_setup,
+    figure_columns,
     load_controller,
     metrics_by_law,
     selected_controller,
-    unit_from_name,
     write_runs,
 )
 from pneucli.stages.flow_bench import require_recordings_over_time
 from pneucli.stages.model_file import load_model, parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.table_rows import write_blocks, write_table_rows
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
@@ -80,8 +79,8 @@ def _write(study: PipelineData, runs: Sequence[OpenLoopRun]) -> None:
         for channel, values in {**one.commands, **one.modelled}.items()
     ]
     tables = study.tables("simulate", "ingest/signals.parquet", "identify/model.parquet")
-    units = {"time": "s", "value": "see column unit", "measured": "see column unit"}
-    write_blocks(tables, "open_loop", "scenario channel unit time value measured", blocks, units)
+    columns = "scenario, channel, unit, time, value [see column unit], measured [see column unit]"
+    tables.write("open_loop", columns, blocks)
 
 
 def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
@@ -160,8 +159,7 @@ def _write_monte_carlo(study: PipelineData, rows: Sequence[Mapping[str, Any]], r
     listed = [
         (r["run"], r["scenario"], r["effect"], _sizes(r["sizes"]), *(float(r[name]) for name in figures)) for r in rows
     ]
-    units = {"run": "1"} | {n: unit_from_name(n) for n in figures}
-    write_table_rows(tables, "robust", f"run scenario effect sizes {' '.join(figures)}", listed, units)
+    tables.write("robust", f"run [1], scenario, effect, sizes, {figure_columns(figures)}", listed)
     held = [(r.check, r.effect, r.limit, float(r.held), float(r.runs), r.worst, float(r.worst_run)) for r in rates]
-    units = dict.fromkeys(("held", "runs", "worst_run"), "1") | dict.fromkeys(("limit", "worst"), "the figure's")
-    write_table_rows(tables, "robust_rates", "check effect limit held runs worst worst_run", held, units)
+    columns = "check, effect, limit [the figure's], held [1], runs [1], worst [the figure's], worst_run [1]"
+    tables.write("robust_rates", columns, held)

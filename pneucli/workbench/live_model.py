@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.compare import ChannelResult, Comparison, compare
+from pneucli.compare import ChannelResult, Comparison
+from pneucli.compare import compare as compare_with
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.errors import InputError, require_known
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters
 from pneucli.identify.residuals import residual_models
+from pneucli.messages import answer_of, compare, diagnose
 from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import select_effects
@@ -88,8 +90,8 @@ class LiveModel:
         else:
             self.experiments = {e.recording.name: e for e in data.experiments}
         self.available_effects = self._that_can_show(data.available_effects)
-        compared = answers["compare"]
-        self.where: Sequence[Mapping[str, Any]] = compared["where"]
+        compared, diagnosis = answer_of(compare.Answer, answers), answer_of(diagnose.Answer, answers)
+        self.where = compared.where
         self._noise: dict[str, dict[str, float]] = {}
         self.places = lay_out(self.experiments.values())
         self._free_runs: dict[str, Experiment] = {}
@@ -97,10 +99,11 @@ class LiveModel:
         self._prediction = Prediction()
         self._last_step: tuple[object, Model] | None = None
         self._located: dict[str, dict[str, list[Interval]]] = {}
-        for one in compared["channels"]:
-            self._noise.setdefault(one["recording"], {})[one["channel"]] = one["noise"]
-        self._suggested = _suggested_values(answers.get("diagnose", {}))
-        self._moved = _moved_values(answers.get("diagnose", {}))
+        for one in compared.channels:
+            self._noise.setdefault(one.recording, {})[one.channel] = one.noise
+        self._suggested = {f"{c.effect}.{n}": p.value for c in diagnosis.candidates for n, p in c.parameters.items()}
+        # the effects of the model with all that the diagnosis names, and the values of what moves with them
+        self._moved = {*diagnosis.model.effects, *diagnosis.missing}, {one.parameter: one.to for one in diagnosis.moved}
 
     def _that_can_show(self, effects: Mapping[str, Effect]) -> dict[str, Effect]:
         """Return the effects of the model, and those with which a fit to the training recordings can do something."""
@@ -166,7 +169,7 @@ class LiveModel:
                 self._free_runs[recording] = experiment.with_restarts(None)
             experiment = self._free_runs[recording]
         noise = self._noise.get(recording, {})
-        return compare(model, experiment, {c: noise.get(c, math.nan) for c in experiment.channels})
+        return compare_with(model, experiment, {c: noise.get(c, math.nan) for c in experiment.channels})
 
     def _fitted_tables(self, recording: str, free_run: bool) -> Mapping[str, Table]:
         """Return the curves of the identified model, kept while the hand moves."""
@@ -294,10 +297,10 @@ class LiveModel:
         signals = locator_signals(experiment)
         spans: dict[str, list[Interval]] = {}
         for one in self.where:
-            if one["recording"] == name and one["signal"] in signals:
-                values = signals[one["signal"]]
-                inside = (values >= one["from"]) & (values <= one["to"])
-                spans.setdefault(one["channel"], []).extend(_stretches(experiment.time, inside))
+            if one.recording == name and one.signal in signals:
+                values = signals[one.signal]
+                inside = (values >= one.from_) & (values <= one.to)
+                spans.setdefault(one.channel, []).extend(_stretches(experiment.time, inside))
         self._located[name] = {channel: _merged(found)[:MAX_SPANS] for channel, found in spans.items()}
         return self._located[name]
 
@@ -313,18 +316,6 @@ def _named(panel: Panel, before: str) -> Panel:
     plain = [one.label.partition(",")[0] for one in panel.series]
     named = zip(panel.series, plain, strict=True)
     return replace(panel, series=[replace(one, label=names.get(label, label)) for one, label in named])
-
-
-def _suggested_values(diagnosis: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values that the diagnosis found for each tested effect, by EFFECT.PARAMETER."""
-    candidates = diagnosis.get("candidates", [])
-    return {f"{c['effect']}.{name}": p["value"] for c in candidates for name, p in (c["parameters"] or {}).items()}
-
-
-def _moved_values(diagnosis: Mapping[str, Any]) -> tuple[frozenset[str], dict[str, float]]:
-    """Return the effects of the model with all that the diagnosis names, and the values of what moves with them."""
-    moved = {one["parameter"]: one["to"] for one in diagnosis.get("moved") or []}
-    return frozenset([*diagnosis.get("model", {}).get("effects", []), *diagnosis.get("missing", [])]), moved
 
 
 def _stretches(time: Array, inside: NDArray[np.bool_]) -> list[Interval]:

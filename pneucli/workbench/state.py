@@ -10,8 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pneucli.figure import Figure, named, read
-from pneucli.messages import compare, diagnose, ingest
+from pneucli.figure import Figure, named
+from pneucli.messages import answer_of, compare, diagnose, ingest
 from pneucli.messages.compare import evaluation_error
 from pneucli.messages.diagnose import probability_clause
 from pneucli.messages.formatting import (
@@ -45,8 +45,8 @@ def digest_of(path: Path) -> str:
 def overview(pipeline: Pipeline, answers: Answers) -> dict[str, Any]:
     """Return name, verdict, errors and what is out of date."""
     status = pipeline.stage_status(["compare", "diagnose"])
-    diagnosis = read(diagnose.Answer, answers.get("diagnose", {}))
-    compared = read(compare.Answer, answers.get("compare", {}))
+    diagnosis = answer_of(diagnose.Answer, answers)
+    compared = answer_of(compare.Answer, answers)
     return {
         "name": pipeline.name,
         "file": pipeline.path.name,
@@ -59,7 +59,7 @@ def overview(pipeline: Pipeline, answers: Answers) -> dict[str, Any]:
 
 def effects(catalogue: Mapping[str, Effect], present: Sequence[str], answers: Answers) -> list[dict[str, Any]]:
     """Return every effect: whether it is in the model, and what the last diagnosis says of it."""
-    diagnosis = read(diagnose.Answer, answers.get("diagnose", {}))
+    diagnosis = answer_of(diagnose.Answer, answers)
     candidates = {c.effect: c for c in diagnosis.candidates}
     names = list(dict.fromkeys([*present, *diagnosis.missing, *candidates, *catalogue]))
     found = []
@@ -90,7 +90,7 @@ def _share(candidate: diagnose.CandidateAnswer | None) -> str:
 def parameters(answers: Answers, live: LiveModel | None) -> list[dict[str, Any]]:
     """Return the model's parameters with value, interval, unit, lock, and the range of a slider."""
     found = []
-    for name, one in read(compare.Answer, answers.get("compare", {})).model.parameters.items():
+    for name, one in answer_of(compare.Answer, answers).model.parameters.items():
         row = {
             "name": name,
             **one.answer,
@@ -144,7 +144,7 @@ def recordings(answers: Answers, places: Mapping[str, Place]) -> list[dict[str, 
     """Return the recordings with largest error and place in time: those held out, then in the file's order."""
     worst: dict[str, float] = {}
     uses: dict[str, str] = {}
-    for channel in read(compare.Answer, answers.get("compare", {})).channels:
+    for channel in answer_of(compare.Answer, answers).channels:
         uses[channel.recording] = channel.use
         ratio = 0.0 if math.isnan(channel.ratio_to_noise) else channel.ratio_to_noise
         worst[channel.recording] = max(worst.get(channel.recording, 0.0), ratio)
@@ -156,7 +156,7 @@ def recordings(answers: Answers, places: Mapping[str, Place]) -> list[dict[str, 
             "text": format_noise_ratio(worst[one.name]),
             "place": asdict(places[one.name]) if one.name in places else None,
         }
-        for one in read(ingest.Answer, answers.get("ingest", {})).recordings
+        for one in answer_of(ingest.Answer, answers).recordings
         if one.name in uses
     ]
     return sorted(rows, key=lambda one: bool(one["use"] != "test"))

@@ -12,8 +12,8 @@ from pathlib import Path
 from unittest import mock
 
 from pneucli import cli
+from pneucli.cli.commands.explain import Example, base_files
 from pneucli.errors import InputError
-from pneucli.fault_kinds import Example, base_files
 
 
 def write_files(example: Example, folder: Path) -> None:

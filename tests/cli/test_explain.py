@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 import pneucli as package
-from pneucli.cli.commands.explain import errors_page
-from pneucli.fault_kinds import fault_kinds
+from pneucli.cli.commands.explain import errors_page, fault_kinds
 from tests.cli.conftest import Command
 from tests.cli.fault_examples import provoke
 

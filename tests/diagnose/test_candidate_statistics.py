@@ -13,7 +13,7 @@ from pneucli.diagnose import data as data_module
 from pneucli.diagnose import detectability as visible
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.diagnosis import ParameterShift, _parameter_shifts
+from pneucli.diagnose.diagnosis import _parameter_shifts
 from pneucli.diagnose.equivalence import indistinguishable, not_inferior
 from pneucli.diagnose.evidence import (
     effective_degrees_of_freedom,
@@ -25,6 +25,7 @@ from pneucli.diagnose.evidence import (
 from pneucli.diagnose.score import ChannelCost, FittedModel
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
+from pneucli.messages.diagnose import Shift
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages import answer_parts
@@ -327,7 +328,7 @@ def test_a_base_parameter_with_a_large_significant_shift_is_reported(
     found = _parameter_shifts(one, other)  # type: ignore[arg-type]
     assert bool(found) == told
     if told:
-        assert found == [ParameterShift("friction.coulomb", before.value, after.value, "N", not after.at_bound)]
+        assert found == [Shift("friction.coulomb", before.value, after.value, "N", not after.at_bound)]
     assert _parameter_shifts(one, SimpleNamespace(estimates=())) == []  # type: ignore[arg-type]
 
 
@@ -374,9 +375,9 @@ def test_a_limit_is_per_volume_of_a_vessel_of_unknown_volume(monkeypatch: pytest
     entry = detection_limit(found, study)
     assert (entry.size, entry.unit) == (pytest.approx(4 * 0.01 * 1e-8 / 1e-3), "m^2/m^3")  # a litre is assumed
     assert "m^2/m^3" in entry.would_show
-    shift = parameter_shift(ParameterShift("chamber-leak.area", 1e-8, 2e-8, "m^2", plausible=True), study)
+    shift = parameter_shift(Shift("chamber-leak.area", 1e-8, 2e-8, "m^2", plausible=True), study)
     assert (shift.from_, shift.to, shift.unit) == (pytest.approx(1e-5), pytest.approx(2e-5), "m^2/m^3")
-    friction = parameter_shift(ParameterShift("friction.coulomb", 10.0, 14.0, "N", plausible=True), study)
+    friction = parameter_shift(Shift("friction.coulomb", 10.0, 14.0, "N", plausible=True), study)
     assert (friction.from_, friction.unit) == (10.0, "N")
 
 

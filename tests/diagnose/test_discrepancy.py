@@ -66,7 +66,7 @@ def remaining(residual_models: Sequence[Gas], left: Sequence[LackOfFit]) -> list
 def memory(*residual_models: Gas) -> float | None:
     """The time constant that is told of p1."""
     (found,) = remaining(residual_models, [left()])
-    return found.time_constant
+    return found.time_constant_s
 
 
 # --- how slow

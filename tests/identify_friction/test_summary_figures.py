@@ -45,7 +45,7 @@ def test_no_line_through_two_points_or_one_pressure(bars: tuple[Any, ...]) -> No
 def test_recordings_at_one_pressure_and_speed_are_repeats() -> None:
     given = [level("a", 4.0, 1.0), level("b", 5.0, 1.05), level("c", 7.0, 5.0), level("d", 9.0, 1.0, speed=0.1)]
     (found,) = repeatability(given, AMBIENT)
-    assert found.recordings == ("a", "b")
+    assert found.recordings == ["a", "b"]
     assert (found.friction, found.spread) == pytest.approx((4.5, np.std([4.0, 5.0], ddof=1) / 4.5))
 
 

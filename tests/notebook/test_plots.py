@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import pneucli
@@ -67,8 +66,10 @@ def test_the_ladder_shows_the_models_before_the_present_one_and_what_is_suggeste
         for i, (effects, error, data) in enumerate([([], 9.0, "old"), ([], 8.0, "d"), (["stribeck"], 2.0, "d")])
     ]
     monkeypatch.setattr(plots, "compared_models", lambda folder: compared)
-    steps = pd.DataFrame({"add": [None, "piston-leak"], "error_train": [1.0, 1.0], "error_test": [2.0, 1.1]})
-    monkeypatch.setattr(type(axis), "ladder", steps)
+    ladder = [
+        {"add": add, "error_train": 1.0, "error_test": error} for add, error in ((None, 2.0), ("piston-leak", 1.1))
+    ]
+    monkeypatch.setattr(type(axis), "answer", lambda run, stage: {"missing": ["piston-leak"], "ladder": ladder})
     figure = axis.plot.ladder()
     assert labels(figure) == ["base model", "+ stribeck (present)", "+ piston-leak"]
     test_bars = [bar.get_width() for bar in figure.axes[0].patches[:3]]

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.figure import read
 from pneucli.identify.estimation.parameters import FreeParameter
+from pneucli.messages.diagnose import Answer
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.plan.bench import described_benches, recorded_benches
@@ -188,7 +190,7 @@ def entry(effect: str, reason: str, confidence: float = 0.003, **properties: Any
 
 def test_refused_effects_that_better_recordings_may_show_are_in_question_the_most_probable_first() -> None:
     found = refused_effects(
-        [
+        answer(
             entry("a leak", "vanishes"),
             entry("a lag", "not-significant"),
             entry("a scale", "raises-error", 0.5),
@@ -196,7 +198,7 @@ def test_refused_effects_that_better_recordings_may_show_are_in_question_the_mos
             entry("an offset", "contradicted-by-reading", 0.4),
             entry("a cushion", "not-promising", parameters={}),
             entry("a droop", "supported", 0.9, supported=True),
-        ]
+        ).candidates
     )
     assert found == [(pytest.approx(1.0), "a scale"), (MIN_PRIOR_ODDS, "a lag"), (MIN_PRIOR_ODDS, "a leak")]
 
@@ -206,9 +208,9 @@ def named(effect: str, confidence: float, *equivalents: str) -> dict[str, Any]:
     return entry(effect, "supported", confidence) | known
 
 
-def answer(*candidates: dict[str, Any]) -> dict[str, Any]:
+def answer(*candidates: dict[str, Any]) -> Answer:
     missing = [c["effect"] for c in candidates if c["supported"]]
-    return {"missing": missing, "candidates": list(candidates)}
+    return read(Answer, {"missing": missing, "candidates": list(candidates)})
 
 
 def test_a_named_effect_is_in_question_as_far_as_it_is_doubtful_and_its_equivalents_with_it() -> None:

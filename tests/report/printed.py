@@ -19,9 +19,9 @@ def overview_lines(first: Overview) -> Iterator[str]:
     for name, svg in first.pictures.items():
         yield f"  picture {name}: {_labels(svg)}"
     yield f"  caption: {first.caption}"
-    for step in first.ladder:
-        marks = " only if" * step.only_if + " present" * step.present
-        yield f"  step {step.label}: {step.error}, length {step.length:.3f}{marks}"
+    for bar in first.ladder:
+        marks = " only if" * bar.step.suggested + " present" * bar.step.present
+        yield f"  step {bar.step.label}: {bar.error}, length {bar.length:.3f}{marks}"
     for name in ("failed", "following", "checks", "doubt"):
         yield f"  {name}: {getattr(first, name)}"
 

@@ -36,8 +36,9 @@ def evidence(report: ReportData) -> Section:
 def test_the_picture_shows_the_held_out_recording_with_the_first_models_largest_error(after: ReportData) -> None:
     found = find_worst_recording(after)
     assert found is not None
-    assert (found.recording, found.channel, found.kind) == ("axis_<b>&_$2$", "x", "held-out ")
-    assert found.error_ratios == (50.0, 3.0)
+    assert (*found.channel.key, found.channel.use) == ("axis_<b>&_$2$", "x", "test")
+    assert found.first is not None
+    assert (found.first.ratio_to_noise, found.channel.ratio_to_noise) == (50.0, 3.0)
     assert found.before is not None
     # the fault is in the last second where x > 0.12 m, sin > 0.5: from 3 + 1/12 to 3 + 5/12 s; bins are of 0.2 s
     assert found.stretch == pytest.approx((3.0, 3.4), abs=0.2)
@@ -50,7 +51,7 @@ def test_a_channel_without_noise_is_not_pictured(material: ReportData) -> None:
         replace(material, answers={**material.answers, "compare": {**compared, "channels": silent}})
     )
     assert found is not None
-    assert found.channel == "v"
+    assert found.channel.channel == "v"
 
 
 def test_the_verdict_stands_in_the_page_without_any_script(after: ReportData) -> None:

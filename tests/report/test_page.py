@@ -183,8 +183,8 @@ def test_without_data_there_is_no_figure() -> None:
 
 def test_columns_of_numbers_are_numbers_and_others_are_text() -> None:
     rows = [
-        [Cell("best", numeric=False), Cell("1.5"), "2·10⁻³", "holds"],
-        [Cell("pid", numeric=False), Cell("–"), "−4", "∞"],
+        ["best", "1.5", "2·10⁻³", "holds"],
+        ["pid", "–", "−4", "∞"],
     ]
     section = Section("bench", "Bench", "", [Note("a note"), Grid("Errors.", ("law", "rest", "load", "so"), rows)])
     (table,) = section_tables([section])

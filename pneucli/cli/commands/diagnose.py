@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import EXECUTORS, File, executor_option, open_pipeline_file
+from pneucli.cli.options import Executor, File, executor_option, open_pipeline_file
 
 
 def _diagnose(
@@ -29,10 +29,7 @@ def _diagnose(
         float | None,
         typer.Option("--alarm-rate", min=0.0, max=0.5, help="False alarms for each comparison (0.001), with --since."),
     ] = None,
-    executor: Annotated[
-        str | None,
-        typer.Option("--executor", metavar="WHERE", help=f"Where a long search is done: {EXECUTORS}."),
-    ] = None,
+    executor: Executor = None,
     force: Annotated[bool, typer.Option("--force", help="Use recordings that cannot be true, too.")] = False,
     how: HowToRun = HowToRun(),
 ) -> None:

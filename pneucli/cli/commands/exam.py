@@ -10,7 +10,7 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.command import Command, How
-from pneucli.cli.options import EXECUTORS
+from pneucli.cli.options import Executor
 from pneucli.figure import to_json
 
 if TYPE_CHECKING:
@@ -72,10 +72,7 @@ def _exam(
     ] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="Of each effect at each size, with --like (3).")] = 3,
     answer: Annotated[bool, typer.Option("--answer", help="Diagnose every case that has no answer yet.")] = False,
-    executor: Annotated[
-        str | None,
-        typer.Option("--executor", metavar="WHERE", help=f"Where cases are answered: {EXECUTORS}.", show_default=False),
-    ] = None,
+    executor: Executor = None,
     grade: Annotated[bool, typer.Option("--grade", help="Print the grades of the answers.")] = False,
     how: How = How(),
 ) -> None:

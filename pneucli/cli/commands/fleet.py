@@ -9,13 +9,9 @@ import typer
 
 from pneucli.cli import console
 from pneucli.cli.command import Command, How
-from pneucli.cli.options import EXECUTORS
+from pneucli.cli.options import Executor
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
-Executor = Annotated[
-    str | None, typer.Option("--executor", metavar="WHERE", help=f"Where the rows are done: {EXECUTORS}.")
-]
-
 Out = Annotated[
     str | None,
     typer.Option(

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from pneucli.cli.command import Command, How
+from pneucli.cli.options import Page
 
 Files = Annotated[
     list[Path],
@@ -32,7 +33,6 @@ Drift = Annotated[
     str,
     typer.Option("--drift", metavar="T", help="What the wall's temperature may change by (standard uncertainty)."),
 ]
-Page = Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with the curves as well.")]
 
 
 def _leak(

@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 
 from pneucli.cli.command import Command, How
+from pneucli.cli.options import Page
 
 Files = Annotated[
     list[Path], typer.Argument(metavar="FILE...", help="Raw files, folders or globs.", show_default=False)
 ]
-Page = Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with the curves as well.")]
 
 
 def _look(raw: Files, html: Page = None, how: How = How()) -> None:

@@ -6,7 +6,7 @@ import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,8 +16,8 @@ from pneucli.cli.command import Command, HowToRun
 from pneucli.errors import InputError, require_known
 from pneucli.figure import read
 from pneucli.messages import labelled, table
-from pneucli.messages.compare import Answer, evaluation_error
-from pneucli.messages.formatting import format_fit, format_noise_ratio, format_quantity
+from pneucli.messages.compare import CHANNEL_TITLES, Answer, ChannelResult, evaluation_error
+from pneucli.messages.formatting import format_noise_ratio
 
 INSTALL = "pip install 'pneucli[terminal]'"
 HELP = "Measured, model and residual of a recording: in the terminal, or in a file with --save."
@@ -42,21 +42,6 @@ Save = Annotated[
 
 
 @dataclass(frozen=True)
-class Channel:
-    """One channel of the picture; its errors in ``unit`` (SI)."""
-
-    channel: str
-    unit: str
-    rmsd: float
-    noise: float
-    ratio_to_noise: float
-    fit_percent: float
-
-
-SHOWN = tuple(one.name for one in fields(Channel))
-
-
-@dataclass(frozen=True)
 class Plot:
     """What a picture of a recording shows, where it is, or why it is not shown."""
 
@@ -64,7 +49,7 @@ class Plot:
     pipeline: str
     recording: str
     use: str
-    channels: Sequence[Channel]
+    channels: Sequence[ChannelResult]
     file: str | None = None
     not_shown: str | None = None
 
@@ -78,16 +63,7 @@ class Plot:
             command = f"pneucli plot {file} {self.recording} --save {self.recording}.png"
             yield from labelled("picture", f"not shown: {self.not_shown}. To a file (.png, .svg, .pdf): {command}")
         if verbose:
-            rows = [
-                (
-                    one.channel,
-                    *(format_quantity(size, one.unit, 3) for size in (one.rmsd, one.noise)),
-                    format_noise_ratio(one.ratio_to_noise),
-                    format_fit(one.fit_percent),
-                )
-                for one in self.channels
-            ]
-            yield from table(("channel", "rms error", "noise", "× noise", "fit"), rows, texts=1)
+            yield from table(CHANNEL_TITLES, [one.row for one in self.channels], texts=3)
 
 
 def show_picture(png: bytes) -> str:
@@ -142,7 +118,7 @@ def shown_channels(compared: Answer, recording: str | None, channels: Sequence[s
     found, recordings = '"{}" was not compared', {row.recording for row in compared.channels}
     require_known([str(name)], recordings, "plot, recording", found, code="E091")
     require_known(channels or (), {row.channel for row in rows}, "plot, channel", found, code="E091")
-    shown = [Channel(*(getattr(row, key) for key in SHOWN)) for row in rows if not channels or row.channel in channels]
+    shown = [row for row in rows if not channels or row.channel in channels]
     return Plot("pneucli/plot/1", compared.pipeline, str(name), rows[0].use, shown)
 
 

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import EXECUTORS, File, executor_option
+from pneucli.cli.options import Executor, File, executor_option
 
 
 def _simulate(
     pipeline: File,
-    executor: Annotated[
-        str | None,
-        typer.Option("--executor", metavar="WHERE", help=f"Where the Monte Carlo study runs: {EXECUTORS}."),
-    ] = None,
+    executor: Executor = None,
     how: HowToRun = HowToRun(),
 ) -> None:
     run_stage("simulate", pipeline, how, executor_option(executor) or None)

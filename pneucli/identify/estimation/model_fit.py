@@ -2,33 +2,122 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneucli.arrays import Array
 from pneucli.errors import InputError
-from pneucli.identify.estimation.blocks import residual_counts
+from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
 from pneucli.identify.estimation.direct_starts import direct_base_friction
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, NO_ITERATION, Fit, StoppingRule, fit, merge_partial_fit
+from pneucli.identify.estimation.fit import (
+    FULL_CONVERGENCE,
+    NO_ITERATION,
+    Fit,
+    Start,
+    StoppingRule,
+    fit,
+    merge_partial_fit,
+)
 from pneucli.identify.estimation.parameters import (
     DIFFERENCE_STEP,
     FreeParameter,
     base_parameters,
     effect_parameters,
 )
-from pneucli.identify.estimation.profile import lower_profile_minimum
-from pneucli.identify.estimation.score_test import ScoreTest, scaled_initial_guess, score_tests
-from pneucli.identify.estimation.similar_fit import Similar
+from pneucli.identify.estimation.score_test import ScoreTest, residual_changes, scaled_initial_guess, score_tests
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
-from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.declaration import Effect, Parameter, consists_of_times
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters, without_effect
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
+
+TIME_SCAN_POINTS = 33  # values of a time constant or delay, from its smallest typical value to its bound
+SCAN_STRIDE = 2  # every second value is tried, then those beside the best one: minima are far wider than a step
+
+
+def lower_profile_minimum(
+    fitted: Fit, residual_models: Sequence[ResidualModel], effect: Effect, quantities: RigQuantities
+) -> dict[str, float] | None:
+    """Search the profile of a delay or time constant for a lower minimum.
+
+    The residual over a shift in time behaves like a correlation: it has several minima, and a fit ends in the
+    nearest one. The profile is the cost over that time, all other parameters adjusting to first order.
+
+    Args:
+        fitted: The fit with the effect.
+        residual_models: The residual models it was fitted to.
+        effect: The effect; only one with a single time of null 0 s is searched.
+        quantities: The quantities that scale the effect's range.
+
+    Returns:
+        The value of the parameter with a lower cost than the fit's; None where there is none.
+
+    """
+    if len(effect.main_parameters) != 1 or not consists_of_times(effect):
+        return None
+    (time,) = effect.main_parameters
+    name, size = f"{effect.name}.{time.name}", time.range_on(quantities)
+    times = np.geomspace(min(size.typical), size.upper, TIME_SCAN_POINTS)
+    inverse = fitted.inverse_hessian_holding(np.array([f.name == name for f in fitted.free], dtype=bool))
+    gradient = fitted.jacobian.T @ fitted.residual
+
+    def adjusted_cost(change: Array) -> float:
+        """Return the squares that remain of changed residuals where the other parameters adjust; of a diverging model
+        infinitely many.
+        """
+        residual, slope = fitted.residual + change, gradient + fitted.transposed_product(change)
+        cost = float(residual @ residual - slope @ inverse @ slope)
+        return cost if math.isfinite(cost) else math.inf
+
+    def scan(places: Sequence[int]) -> dict[int, float]:
+        values = [{name: float(times[i])} for i in places]
+        changes = residual_changes(effect, fitted, residual_models, values)
+        return {i: adjusted_cost(change) for i, change in zip(places, changes, strict=True)}
+
+    profile = scan(range(0, TIME_SCAN_POINTS, SCAN_STRIDE))
+    best = min(profile, key=profile.__getitem__)
+    profile |= scan([i for i in (best - 1, best + 1) if 0 <= i < TIME_SCAN_POINTS])
+    best = min(profile, key=profile.__getitem__)
+    lower = profile[best] < adjusted_cost(np.zeros_like(fitted.residual))
+    return {name: float(times[best])} if lower else None
+
+
+@dataclass(frozen=True)
+class Similar:
+    """A fit of a similar model to more residual models, whose derivatives a fit may start from."""
+
+    fitted: Fit
+    residual_models: Sequence[ResidualModel]
+
+    def start(
+        self, free: Sequence[FreeParameter], residual_models: Sequence[ResidualModel], own: Collection[str] = ()
+    ) -> Start:
+        """Return the derivatives in the coordinates of free parameters; those by others, and by ``own``, are missing.
+
+        The coordinate of a parameter is its distance from the null at the start, which a fit changes.
+        """
+        places = {id(one): i for i, one in enumerate(self.residual_models)}
+        chosen = [places[id(one)] for one in residual_models]
+        all_rows, rows = residual_slices(self.residual_models), residual_slices(residual_models)
+        columns = {f.name: j for j, f in enumerate(self.fitted.free)}
+
+        def write(out: Array) -> None:
+            for target, f in zip(out.T, free, strict=True):
+                if f.name in columns and f.name not in own:
+                    j, value = columns[f.name], parameter_value(self.fitted.model, f.name)
+                    factor = f.derivative(value) / self.fitted.free[j].derivative(value)
+                    copy_nonzero(self.fitted.jacobian[:, j], [all_rows[i] for i in chosen], target, rows, factor)
+
+        missing = tuple(j for j, f in enumerate(free) if f.name not in columns or f.name in own)
+        return Start(write, [self.fitted.initial_state_sensitivities[i] for i in chosen], is_exact=False, own=missing)
+
 
 MAX_EDGE_STARTS = 4  # best starts of an effect with an edge: its residual is not smooth, so a fit ends near its start
 DRAFT_TOLERANCE = 5e-3  # of the cost: as exactly as starts are compared

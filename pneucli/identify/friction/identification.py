@@ -19,7 +19,7 @@ from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_s
 from pneucli.identify.friction.samples import FrictionCurve, MovingSamples, binned_curve, pool_samples
 from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
 from pneucli.messages.findings import Finding
-from pneucli.messages.identify import BreakAway, OverPressure
+from pneucli.messages.identify import BreakAway, OverPressure, Repeats
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import PORTS
 from pneucli.quantities import Z95
@@ -43,15 +43,6 @@ MAX_PRESSURE_DIFFERENCE = 0.1  # of the gauge pressure, within which recordings 
 MAX_SPEED_DIFFERENCE = 0.3  # of the speed, within which kinetic friction changes little
 BREAKAWAY_STROKE_RATIO = 0.2  # of a stroke: the part that contains its break-away
 MIN_LEVELS = 3  # of pressure, from which a line has a standard error
-
-
-@dataclass(frozen=True)
-class Repeatability:
-    """Recordings at one pressure and speed: mean friction (N), and its standard deviation over the mean."""
-
-    recordings: tuple[str, ...]
-    friction: float
-    spread: float
 
 
 def break_away(motion: Motion, mass: float = 0.0) -> BreakAway | None:
@@ -133,7 +124,7 @@ def pressure_dependence(levels: Sequence[KineticFriction], ambient: float) -> Ov
     )
 
 
-def repeatability(levels: Sequence[KineticFriction], ambient: float) -> list[Repeatability]:
+def repeatability(levels: Sequence[KineticFriction], ambient: float) -> list[Repeats]:
     """Group recordings at one pressure and speed.
 
     Args:
@@ -156,7 +147,7 @@ def repeatability(levels: Sequence[KineticFriction], ambient: float) -> list[Rep
         values = np.array([k.friction.value for k in group])
         if len(group) > 1:
             spread = float(np.std(values, ddof=1) / values.mean())
-            out.append(Repeatability(tuple(k.recording for k in group), float(values.mean()), spread))
+            out.append(Repeats([k.recording for k in group], float(values.mean()), "N", spread))
     return out
 
 
@@ -198,7 +189,7 @@ class FrictionIdentification:
     kinetic: tuple[KineticFriction, ...]
     break_aways: tuple[BreakAway, ...]
     pressure_dependence: OverPressure | None
-    repeatability: tuple[Repeatability, ...]
+    repeatability: tuple[Repeats, ...]
     removed_effects: tuple[str, ...]
     unmodelled_effects: Mapping[ModelName, tuple[str, ...]]
     warnings: tuple[Finding, ...]

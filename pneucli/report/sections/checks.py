@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pneucli.messages.formatting import format_number
 from pneucli.report.page_elements import Cell, Grid, Row, Section
-from pneucli.report.report_data import Check, ReportData
+from pneucli.report.report_data import CHECK_TITLES, Check, ReportData
 
 PLACE = 150  # on the page
 
@@ -23,11 +22,8 @@ def section(material: ReportData) -> Section | None:
 
 def grid(checks: Sequence[Check], caption: str) -> Grid:
     """Return a table of checks: the limit, the value, and whether it passed."""
-    return Grid(caption, ("check", "wanted", "found", ""), [_row(check) for check in checks])
-
-
-def _row(check: Check) -> Row:
-    value = format_number(check.value) if isinstance(check.value, float) else str(check.value)
-    found = "nothing there" if check.value is None else value
-    verdict = Cell("failed", tone="bad", numeric=False) if check.failure else Cell("passed", tone="good", numeric=False)
-    return [check.path, check.wanted, found, verdict]
+    tones = ["bad" if check.failure else "good" for check in checks]
+    rows: list[Row] = [
+        [*check.row[:-1], Cell(check.row[-1], tone=tone)] for check, tone in zip(checks, tones, strict=True)
+    ]
+    return Grid(caption, CHECK_TITLES, rows)

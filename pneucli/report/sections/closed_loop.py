@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from pneucli.messages import design, simulate
 from pneucli.messages.envelope import envelope_indices
-from pneucli.messages.formatting import format_number, in_display_unit
+from pneucli.messages.formatting import format_bounded, format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
 from pneucli.report.page_elements import (
     ZOOM_HINT,
-    Cell,
     Grid,
     Note,
     Panel,
@@ -47,8 +46,7 @@ def margin_parts(answer: design.Margins | None, table: Table) -> list[Part]:
     """Return the margins of a design; nothing where there are none."""
     if answer is None or not answer.points:
         return []
-    margins = (design.margin_row(loop, worst) for loop, worst in answer.worst.items())
-    rows: list[Row] = [[title, *map(Cell, figures)] for title, *figures in margins]
+    rows = [design.margin_row(loop, worst) for loop, worst in answer.worst.items()]
     caption = "The smallest margins over the stroke and both directions, one loop cut, the others closed."
     doubts: list[Part] = [Note(f"{doubt}.", "warning") for doubt in answer.doubts]
     return [
@@ -122,7 +120,7 @@ def _design(answer: design.Answer, tolerance: float) -> Grid:
 def _figures(compensated: design.Scenarios, pid_only: design.Scenarios) -> Grid:
     names = [n for n in next(iter(compensated.values()), {}) if any(_shows(f, n) for f in compensated.values())]
     rows: list[Row] = [
-        [METRIC_TITLES.get(n, n), *(Cell(_both(f, pid_only[s], n)) for s, f in compensated.items())] for n in names
+        [METRIC_TITLES.get(n, n), *(_both(f, pid_only[s], n) for s, f in compensated.items())] for n in names
     ]
     caption = (
         f"Results of each scenario: {COMPENSATED} / {UNCOMPENSATED}; ∞: not reached before the reference moves on."
@@ -138,11 +136,6 @@ def _shows(found: simulate.Figures, name: str) -> bool:
 def _both(compensated: simulate.Figures, pid_only: simulate.Figures, name: str) -> str:
     texts = [format_bounded(found[name]) if _shows(found, name) else "–" for found in (compensated, pid_only)]
     return "–" if texts == ["–", "–"] else " / ".join(texts)
-
-
-def format_bounded(value: float | None) -> str:
-    """Return a figure as text, infinity where it is unbounded."""
-    return "∞" if value is None or math.isinf(value) else format_number(value, 3)
 
 
 def _um(metres: float) -> str:

@@ -8,13 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from pneucli.compare.channel_errors import fit_percent
-from pneucli.messages.compare import Answer, ChannelResult, rating, test_first
+from pneucli.messages.compare import CHANNEL_TITLES, Answer, ChannelResult, rating, test_first
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.formatting import (
     format_fit,
     format_number,
     format_plain,
-    format_quantity,
     in_display_unit,
     unit_symbol,
 )
@@ -96,10 +95,10 @@ def _overview(channels: Iterable[ChannelResult], earlier: Iterable[ChannelResult
     return Grid(caption, ("recording", "use", *names), rows, folded=len(rows) > MAX_UNFOLDED_RECORDINGS)
 
 
-def _ratio(before: float | None, now: float | None) -> Cell:
+def _ratio(before: float | None, now: float | None) -> Cell | str:
     """Return a channel's error, with that of the first model where there was another one."""
     if now is None:
-        return Cell("")
+        return ""
     return Cell(
         format_number(now, 3) if before is None else f"{format_number(before, 3)} → {format_number(now, 3)}",
         tone=rating(now),
@@ -107,23 +106,11 @@ def _ratio(before: float | None, now: float | None) -> Cell:
 
 
 def _errors(answer: Answer) -> Grid:
-    head = ("recording", "use", "channel", "RMSD", "of range", "fit", "noise floor", "× noise", "99 % below")
-    rows: list[Row] = [
-        [
-            c.recording,
-            c.use,
-            c.channel,
-            Cell(format_quantity(c.rmsd, c.unit, 3)),
-            Cell(f"{format_number(c.percent, 2)} %"),
-            Cell(format_fit(c.fit_percent)),
-            Cell(format_quantity(c.noise, c.unit, 3)),
-            Cell(format_number(c.ratio_to_noise, 3), tone=rating(c.ratio_to_noise, c.ratio_limit)),
-            Cell("" if c.ratio_limit is None else format_number(c.ratio_limit, 3)),
-        ]
-        for c in test_first(answer.channels)
-    ]
-    caption = "These errors in detail"
-    return Grid(caption, head, rows, folded=True)
+    rows: list[Row] = []
+    for c in test_first(answer.channels):
+        *before, ratio, limit = c.row
+        rows.append([*before, Cell(ratio, tone=rating(c.ratio_to_noise, c.ratio_limit)), limit])
+    return Grid("These errors in detail", CHANNEL_TITLES, rows, folded=True)
 
 
 def _zoom(residuals: Table, before: Table, signals: Table, errors: Sequence[ChannelResult]) -> ZoomPlot:

@@ -13,7 +13,7 @@ from pneucli.messages.compare import Answer, ChannelResult
 from pneucli.messages.formatting import format_number, format_plain, join_names
 from pneucli.quantities import CHANNELS, SIGNALS, Z95
 from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
+from pneucli.report.page_elements import Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 60  # on the page
@@ -75,9 +75,7 @@ def _sensitivity(table: Table) -> Iterator[Part]:
     }
     channels = [c for c in CHANNELS if any(c == channel for _, channel in sensitivities)]
     names = list(dict.fromkeys(name for name, _ in sensitivities))
-    rows: list[Row] = [
-        [name, *(Cell(format_number(sensitivities.get((name, c)), 2)) for c in channels)] for name in names
-    ]
+    rows: list[Row] = [[name, *(format_number(sensitivities.get((name, c)), 2) for c in channels)] for name in names]
     caption = "Change of each channel for a change of 1 % of a parameter: rms over all samples, × noise."
     yield Grid(caption, ("parameter", *channels), rows, folded=len(rows) > 12)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pneucli.messages import diagnose
-from pneucli.messages.diagnose import Answer, CandidateAnswer, DiscrepancyAnswer, Shift
+from pneucli.messages.diagnose import Answer, CandidateAnswer, Discrepancy, Shift
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
@@ -138,10 +138,10 @@ def _candidates(candidates: Sequence[CandidateAnswer], missing: Sequence[str]) -
 def _candidate(c: CandidateAnswer, missing: Sequence[str]) -> Row:
     return [
         c.effect,
-        Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else "", numeric=False),
-        Cell(format_percent(c.confidence) if c.confidence is not None else "–"),
-        Cell(format_number(c.error_before, 3)),
-        Cell(format_number(c.error_after, 3)),
+        Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else ""),
+        format_percent(c.confidence),
+        format_number(c.error_before, 3),
+        format_number(c.error_after, 3),
         format_parameters(c.parameters),
         ", ".join(c.indistinguishable_from) or "–",
         c.why,
@@ -155,7 +155,7 @@ def _unfitted(candidates: Sequence[CandidateAnswer]) -> list[Row]:
     for reason in reasons:
         alike = [c.effect for c in candidates if c.reason == reason]
         why = diagnose.REJECTION_REASONS.get(reason, "")
-        rows.append([", ".join(alike), "no", *[Cell("–")] * 5, why])
+        rows.append([", ".join(alike), "no", *["–"] * 5, why])
     return rows
 
 
@@ -165,9 +165,9 @@ def _changed_parameters(moved: Sequence[Shift]) -> Grid | None:
     rows: list[Row] = [
         [
             m.parameter,
-            Cell(format_quantity(m.from_, m.unit)),
-            Cell(format_quantity(m.to, m.unit)),
-            Cell("yes" if m.plausible else "no", tone="" if m.plausible else "bad", numeric=False),
+            format_quantity(m.from_, m.unit),
+            format_quantity(m.to, m.unit),
+            Cell("yes" if m.plausible else "no", tone="" if m.plausible else "bad"),
         ]
         for m in moved
     ]
@@ -188,16 +188,16 @@ def _remarks(answer: Answer) -> list[Part]:
     return parts
 
 
-def _discrepancy(discrepancies: Sequence[DiscrepancyAnswer]) -> list[Part]:
+def _discrepancy(discrepancies: Sequence[Discrepancy]) -> list[Part]:
     """Return the table of the discrepancies that remain with all named effects."""
     rows: list[Row] = [
         [
             one.channel,
             one.subsystem,
-            Cell(format_number(one.size, 3)),
-            Cell("–" if one.time_constant_s is None else format_quantity(one.time_constant_s, "s", 2)),
+            format_number(one.size, 3),
+            format_quantity(one.time_constant_s, "s", 2),
             one.over or "–",
-            Cell(format_percent(one.share)),
+            format_percent(one.share),
         ]
         for one in discrepancies
     ]

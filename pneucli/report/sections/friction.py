@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
+from pneucli.messages.identify import Answer
 from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart, drawing, figures
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section
+from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 80  # on the page
@@ -42,16 +43,16 @@ def section(material: ReportData) -> Section | None:
     if len(kinetic := material.table("identify/friction_kinetic")):
         drawn.append(_kinetic(kinetic))
     lead = "Friction is the force on the piston minus mass times acceleration; its sign is that of the velocity."
-    if taken_out := material.answer("identify").get("friction", {}).get("taken_out"):
-        lead += f" Other forces of the model are subtracted: {', '.join(taken_out)}."
+    if (found := material.read(Answer).friction) and found.taken_out:
+        lead += f" Other forces of the model are subtracted: {', '.join(found.taken_out)}."
     parts: list[Part] = [*friction_warnings(material), *drawn, *_tables(material)]
     return Section("friction", "Friction", lead, parts, folded=True)
 
 
 def friction_warnings(material: ReportData) -> list[Part]:
     """Return the warnings of the identification of friction."""
-    warnings = material.answer("identify").get("friction", {}).get("warnings", [])
-    return [Note(f"{warning}.", "warning") for warning in warnings]
+    found = material.read(Answer).friction
+    return [Note(f"{warning}.", "warning") for warning in (found.warnings if found else ())]
 
 
 def _scatter(cuts: Table) -> Figure:
@@ -117,7 +118,7 @@ def _tables(material: ReportData) -> Iterator[Part]:
     if len(parameters := material.table("identify/friction_parameters")):
         columns = ("model", "branch", "name", "value", "unit", "ci_low", "ci_high")
         rows: list[Row] = [
-            [*map(str, of), *(Cell(format_quantity(float(v), str(unit))) for v in (value, low, high))]
+            [*map(str, of), *(format_quantity(float(v), str(unit)) for v in (value, low, high))]
             for *of, value, unit, low, high in zip(*(parameters[c] for c in columns), strict=True)
         ]
         head = ("model", "branch", "parameter", "value", "95 % from", "to")
@@ -130,7 +131,7 @@ def _deviations(table: Table) -> Iterator[Part]:
     shown_in = [(use, c) for use in ("test", "train") for c in CHANNELS if len(whole.where(use=use, channel=c))]
     rows = []
     for (model,), of_model in whole.groups("model"):
-        cells: list[Cell | str] = [model, MODELS.get(model, "")]
+        cells = [str(model), MODELS.get(model, "")]
         for use, channel in shown_in:
             cells += _deviation(of_model.where(use=use, channel=channel))
         rows.append([*cells, of_model.text("lacks") or "–"])
@@ -157,13 +158,13 @@ def _runaways(table: Table) -> Iterator[Note]:
             )
 
 
-def _deviation(rows: Table) -> list[Cell]:
+def _deviation(rows: Table) -> list[str]:
     if not len(rows):
-        return [Cell("–")] * 3
+        return ["–"] * 3
     rmsd, noise = (float(rows[name].mean()) for name in ("rmsd", "noise"))
     times = format_number(rmsd / noise, 2) if noise > 0.0 else "–"
     return [
-        Cell(format_quantity(rmsd, rows.text("unit"), 3)),
-        Cell(f"{format_number(float(rows['percent'].mean()), 2)} %"),
-        Cell(times),
+        format_quantity(rmsd, rows.text("unit"), 3),
+        f"{format_number(float(rows['percent'].mean()), 2)} %",
+        times,
     ]

@@ -17,10 +17,10 @@ from pneucli.messages.design import (
     shortcomings,
 )
 from pneucli.messages.envelope import envelope_indices
+from pneucli.messages.formatting import format_bounded
 from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
+from pneucli.report.page_elements import Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
-from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 110  # on the page
 MAX_SAMPLES = 800  # samples of a curve
@@ -40,9 +40,8 @@ def section(material: ReportData) -> Section | None:
     parts += [Note(f"Not designed: {name}: {why}.", "warning") for name, why in design.not_made.items()]
     if rigs := design.ensemble:
         parts += [Note(line) for line in rigs.promise]
-        rows: list[Row] = [[name, *map(Cell, figures)] for name, *figures in rigs.rows]
         caption = "Figures over their limits on the rigs of the ensemble, median; worst"
-        parts.append(Grid(f"{caption}: 1 × is the limit.", ENSEMBLE_TITLES, rows))
+        parts.append(Grid(f"{caption}: 1 × is the limit.", ENSEMBLE_TITLES, [*rigs.rows]))
     if design.ablation:
         parts.append(_grid("Results of best without one component, otherwise unchanged", design.ablation, tolerance))
     if design.variants:
@@ -60,8 +59,7 @@ def section(material: ReportData) -> Section | None:
 
 
 def _grid(caption: str, cases: Cases, tolerance: float) -> Grid:
-    rows: list[Row] = [[name, *map(Cell, figures), verdict] for name, *figures, verdict in law_rows(cases, tolerance)]
-    return Grid(f"{caption}: {LAW_LEGEND}.", ("controller", *LAW_TITLES), rows)
+    return Grid(f"{caption}: {LAW_LEGEND}.", ("controller", *LAW_TITLES), [*law_rows(cases, tolerance)])
 
 
 def _pressure_control(design: Answer) -> Iterator[Grid]:
@@ -72,8 +70,8 @@ def _pressure_control(design: Answer) -> Iterator[Grid]:
         for scenario, mapped in by_scenario.items():
             if mapped.get("pressure_rest_pa") is not None:
                 pair = (mapped, bare.get(scenario, {}))
-                settling = [Cell(format_bounded(one.get("pressure_settling_s"))) for one in pair]
-                rest = [Cell(format_bounded(one.get("pressure_rest_pa"))) for one in pair]
+                settling = [format_bounded(one.get("pressure_settling_s")) for one in pair]
+                rest = [format_bounded(one.get("pressure_rest_pa")) for one in pair]
                 rows.append([name, *settling, *rest])
     if rows:
         head = ("controller", "settles, s", "without the map", "at rest, Pa", "without the map")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pneucli.messages import compare
-from pneucli.report.page_elements import Cell, Grid, Part, Section
+from pneucli.report.page_elements import Grid, Part, Section
 from pneucli.report.report_data import ReportData
 
 PLACE = 100  # on the page
@@ -16,7 +16,7 @@ def section(material: ReportData) -> Section | None:
         Grid(
             f"{one.recording}: controller {one.controller}, {one.precision}, hash {one.hash[:12]}.",
             compare.COLUMN_TITLES,
-            [[title, Cell(predicted), Cell(measured)] for title, predicted, measured in one.rows],
+            [*one.rows],
         )
         for one in found
     ]

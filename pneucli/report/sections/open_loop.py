@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from pneucli.messages.envelope import envelope_indices
-from pneucli.messages.formatting import format_fit, format_quantity, in_display_unit, unit_symbol
-from pneucli.messages.simulate import Answer
+from pneucli.messages.formatting import in_display_unit, unit_symbol
+from pneucli.messages.simulate import CHANNEL_TITLES, Answer
 from pneucli.report.page_elements import (
     MAX_UNFOLDED_ROWS,
     ZOOM_HINT,
-    Cell,
     Grid,
     Panel,
     Part,
     PlotRun,
-    Row,
     Section,
     Series,
     ZoomPlot,
@@ -32,21 +30,9 @@ def section(material: ReportData) -> Section | None:
     if not len(table):
         return None
     parts: list[Part] = [_zoom(table)]
-    rows: list[Row] = [
-        [
-            one.scenario,
-            m.channel,
-            Cell(f"{format_quantity(m.from_, m.unit, 3)} – {format_quantity(m.to, m.unit, 3)}"),
-            Cell(format_quantity(m.end, m.unit, 3)),
-            Cell(format_quantity(m.rmsd, m.unit, 3)),
-            Cell(format_fit(m.fit_percent)),
-        ]
-        for one in material.read(Answer).open_loop
-        for m in one.channels
-    ]
+    rows = [row for one in material.read(Answer).open_loop for row in one.rows]
     if rows:
-        head = ("scenario", "channel", "range", "at the end", "RMSD from the recording", "fit")
-        parts.insert(0, Grid("Results of each scenario.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS))
+        parts.insert(0, Grid("Results of each scenario.", CHANNEL_TITLES, rows, folded=len(rows) > MAX_UNFOLDED_ROWS))
     lead = (
         "The model runs freely on its inputs and never restarts from the measurement; errors that the comparison above "
         "forgets at each restart accumulate here."

@@ -38,4 +38,4 @@ def _row(name: str, one: Figure) -> Row:
     width = abs(one.high - one.low)
     relative = width / 2 / abs(one.value) if one.value and math.isfinite(width) else None
     share = "–" if relative is None else f"{format_number(100 * relative, 2)} %"
-    return [name, Cell(format_figure(one)), Cell(share, bar=relative)]
+    return [name, format_figure(one), Cell(share, bar=relative)]

@@ -7,7 +7,7 @@ from pathlib import PurePath
 
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
 from pneucli.messages.ingest import Answer, NoiseAnswer, Recording, Repair, implausibility_sentences
-from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Cell, Grid, Note, Part, Row, Section, warning_notes
+from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Grid, Note, Part, Row, Section, warning_notes
 from pneucli.report.report_data import ReportData
 
 PLACE = 140  # on the page
@@ -42,9 +42,9 @@ def _recordings(recordings: Sequence[Recording], material: ReportData) -> Grid:
             r.use,
             r.chamber_2 or "–",
             ", ".join(name for name in r.signals if name != "time"),
-            Cell(f"{r.samples}"),
-            Cell("–" if r.name in steady else f"{format_plain(1 / r.period, 6)} Hz"),
-            Cell("rows" if r.name in steady else f"{format_number(r.from_)} – {format_number(r.to)} s"),
+            f"{r.samples}",
+            "–" if r.name in steady else f"{format_plain(1 / r.period, 6)} Hz",
+            "rows" if r.name in steady else f"{format_number(r.from_)} – {format_number(r.to)} s",
             PurePath(r.file).name,
             r.sha256[:10],
         ]
@@ -62,10 +62,10 @@ def _noise(recordings: Sequence[Recording]) -> Grid:
     return Grid(caption, ("recording", *names), rows, folded=True)
 
 
-def _rms(noise: NoiseAnswer | None) -> Cell:
-    return Cell("–" if noise is None else format_quantity(noise.rms, noise.unit, 2))
+def _rms(noise: NoiseAnswer | None) -> str:
+    return "–" if noise is None else format_quantity(noise.rms, noise.unit, 2)
 
 
 def _repairs(repairs: Sequence[Repair]) -> Grid:
-    rows: list[Row] = [[r.recording, r.signal, Cell(f"{r.count}"), r.message] for r in repairs]
+    rows: list[Row] = [[r.recording, r.signal, f"{r.count}", r.message] for r in repairs]
     return Grid("Repairs while reading.", ("recording", "signal", "samples", "repair"), rows, folded=len(rows) > 8)

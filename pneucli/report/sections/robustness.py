@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from pneucli.messages.formatting import format_plain
+from pneucli.messages.formatting import format_bounded, format_plain
 from pneucli.messages.simulate import METRIC_TITLES, Answer, CheckRate, SuccessRate
 from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
-from pneucli.report.sections.closed_loop import format_bounded
 
 PLACE = 120  # on the page
 Rates = Mapping[tuple[str, str], SuccessRate]  # by effect and check
@@ -54,9 +53,9 @@ def _share(rates: Rates, effect: str, checks: Iterable[str]) -> float:
     return sum(r.held for r in mine) / sum(r.runs for r in mine)
 
 
-def _pass_rate(rate: SuccessRate | None) -> Cell:
+def _pass_rate(rate: SuccessRate | None) -> Cell | str:
     if rate is None:
-        return Cell("–")
+        return "–"
     text = f"{rate.held} of {rate.runs}; {format_bounded(rate.worst)}"
     return Cell(text, tone="" if rate.held == rate.runs else "bad")
 
@@ -72,6 +71,6 @@ def _residual_errors(runs: Table, effects: Sequence[str]) -> list[Grid]:
     return [Grid(caption, ("effect", *(METRIC_TITLES[n] for n in names)), rows, folded=True)]
 
 
-def _median(runs: Table, name: str) -> Cell:
+def _median(runs: Table, name: str) -> str:
     values = runs[name][~np.isnan(runs[name])]
-    return Cell(format_bounded(float(np.median(values))) if values.size else "–")
+    return format_bounded(float(np.median(values)) if values.size else np.nan)

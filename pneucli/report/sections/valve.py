@@ -37,7 +37,7 @@ from pneucli.report.figure import (
     rank_colour,
     zero_line,
 )
-from pneucli.report.page_elements import Cell, Figure, Grid, Part, Row, Section
+from pneucli.report.page_elements import Figure, Grid, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
 
@@ -285,11 +285,11 @@ def _fit(lack: ValveDeviation, residual: MapResidual) -> Grid:
         ("points outside both 95 % intervals", lack.share_outside),
     )
     noise = (("model on the valve's curves", residual.train), ("model on held-out curves", residual.test))
-    rows: list[Row] = [[name, Cell("–" if n is None else format_percent(n))] for name, n in shares]
-    rows += [[name, Cell("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
+    rows: list[Row] = [[name, format_percent(n)] for name, n in shares]
+    rows += [[name, ("–" if n is None else f"{format_noise_ratio(n)} × noise")] for name, n in noise]
     caption = "Lack of fit of the model's valve, relative to the measured gradient, and residuals of curves over noise."
     return Grid(caption, ("", "value"), rows)
 
 
 def _value(one: Interval) -> Row:
-    return [Cell(format_quantity(value, one.unit)) for value in (one.value, one.low, one.high)]
+    return [format_quantity(value, one.unit) for value in (one.value, one.low, one.high)]

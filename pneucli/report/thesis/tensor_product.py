@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pneucli.messages.formatting import format_quantity, in_display_unit
 from pneucli.report.figure import Drawing, drawing, figures
-from pneucli.report.page_elements import Cell, Grid, Part, Row, Section
+from pneucli.report.page_elements import Grid, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.friction import MODELS
 
@@ -57,5 +57,5 @@ def _vertices(vertices: Table) -> Grid:
     rows: list[Row] = []
     for (model, branch), of_branch in vertices.groups("model", "branch"):
         values = ", ".join(format_quantity(float(a), "1/s") for a in of_branch["a22"])
-        rows.append([str(model), str(branch), Cell(values)])
+        rows.append([str(model), str(branch), values])
     return Grid("Vertices a22 of each model.", ("model", "branch", "vertices"), rows)
