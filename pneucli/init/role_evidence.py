@@ -8,6 +8,7 @@ files' own names tell some, people the rest.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,17 +16,18 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock_unit
-from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
+from pneucli.init.clock_columns import clock_is_ambiguous, computed_column, counts_rows, guess_clock_unit
+from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind, read_name
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility
+from pneucli.init.units import guess_unit, implausibility, is_ambiguous
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import parse_unit, same_dimension
 
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands
 MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and shows no noise
-MAX_UNEVEN_ROWS = 2  # by which the rows between readings of an even clock of its own differ
+# rows by which distances between readings of an even clock differ: each reading falls on a row half a row off at most
+MAX_UNEVEN_ROWS = 2
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
 SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
 BY_ORDER = "the order of the columns decided"
@@ -58,9 +60,15 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
             volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position
             is_share = quantity_kind(names[n].unit) == "" and (not names[n].unit or same_dimension(names[n].unit, "1"))
             nameless = is_share and not (names[n].nouns and names[n].kind) and not names[n].has(NO_SIGNAL)
-            if (nameless or volts) and looks_set(columns[n].values):
+            if (volts or (nameless and not _counts_on(columns[n]))) and looks_set(columns[n].values):
                 why = "CHECK it is set in steps and shows no noise, as a command does"
                 yield Evidence(n, "u", SURE if volts else LIKELY, why)
+
+
+def _counts_on(column: Column) -> bool:
+    """Return whether a column only ever goes on by one: the number of a step, a cycle or a segment."""
+    steps = np.diff(column.finite_values)
+    return bool(np.all(steps[steps != 0] == 1.0))
 
 
 def pressure_behind_valve(columns: Sequence[Column], names: Sequence[ColumnName]) -> list[Column]:
@@ -141,6 +149,17 @@ def rivals(
     return found
 
 
+MIN_ALIKE = 3  # columns that differ by a number alone: two may be those of the chambers, or a reading and a spare
+NUMBERED = ("time", "p1", "p2", "u", "u2")  # signals that have a number of their own
+
+
+def without_alike(scores: Mapping[tuple[int, str], float], columns: Sequence[Column]) -> dict[tuple[int, str], float]:
+    """Return the scores without roles that several columns claim which differ by a number alone: joints of a robot."""
+    stems = [re.sub(r"\d+", "#", one.name) for one in columns]
+    claims = Counter((stems[n], signal) for n, signal in scores if signal not in NUMBERED)
+    return {(n, one): score for (n, one), score in scores.items() if claims[stems[n], one] < MIN_ALIKE}
+
+
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
 PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
 MAX_COMPARED = 60  # columns without names, of which each is compared with each
@@ -166,14 +185,13 @@ def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[
     if "p1" in signals and "p_supply" not in signals:
         found |= _position(surveys, [n for n in own if n not in found])
     found |= _force(medians, found)
-    if len(own) == 1 and own[0] not in found:
-        unit, note = guess_unit("p1", columns[own[0]].finite_values, angle=False)
-        found = {**found, own[0]: ("p1", unit, f"the only reading; {note}")}
     guesses = []
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
         note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
-        asked = bool(signal) and not column.unit and bool(implausibility(signal, unit, column.finite_values))
+        mute = bool(signal) and not column.unit
+        asked = mute and bool(implausibility(signal, unit, column.finite_values))
+        asked |= mute and (clock_is_ambiguous(column, note) if signal == "time" else is_ambiguous(unit, note))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses
 
@@ -234,10 +252,30 @@ def _is_linear_copy(first: Array, second: Array) -> bool:
         return False
     slope, offset = np.polyfit(first, second, 1)
     off = float(np.std(second - slope * first - offset))
-    return bool(
-        off
-        <= max(0.5 * (abs(slope) * _resolution(first) + _resolution(second)), COPY_TOLERANCE * float(np.std(second)))
-    )
+    return bool(off <= max(_rounding(slope, first, second), COPY_TOLERANCE * float(np.std(second))))
+
+
+def is_copy(one: Column, other: Column) -> bool:
+    """Return whether a column is another one again, in other numbers that grow with it, but for what both round.
+
+    Two that state quantities of different kinds are not.
+    """
+    both = np.isfinite(one.values) & np.isfinite(other.values)
+    first, second = one.values[both], other.values[both]
+    kinds = {quantity_kind(read_name(each, False).unit) for each in (one, other)}
+    if first.size < MIN_LINE_POINTS or not np.ptp(first) or not np.ptp(second) or len(kinds - {""}) > 1:
+        return False
+    low, high = int(np.argmin(first)), int(np.argmax(first))
+    slope = float((second[high] - second[low]) / (first[high] - first[low]))
+    off = float(np.abs(second - second[low] - slope * (first - first[low])).max())
+    if slope <= 0 or off > COPY_TOLERANCE * np.ptp(second):
+        return False
+    return off <= max(2.0 * _rounding(slope, first, second), 1e-9 * float(np.ptp(second)))
+
+
+def _rounding(slope: float, first: Array, second: Array) -> float:
+    """Return how far the rounding of two columns moves one off a line over the other."""
+    return 0.5 * (abs(slope) * _resolution(first) + _resolution(second))
 
 
 def _resolution(values: Array) -> float:
