@@ -17,7 +17,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import clock_is_ambiguous, computed_column, counts_rows, guess_clock_unit
-from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind, read_name
+from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
 from pneucli.init.survey_types import Column, Guess, Survey
 from pneucli.init.units import guess_unit, implausibility, is_ambiguous
 from pneucli.io.text_sniffer import is_unit
@@ -163,7 +163,6 @@ def without_alike(scores: Mapping[tuple[int, str], float], columns: Sequence[Col
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
 PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
 MAX_COMPARED = 60  # columns without names, of which each is compared with each
-COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line
 MIN_COPY_SHARE = 0.5  # of the files
 MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
 MIN_LINE_POINTS = 3  # files that tell a line
@@ -235,47 +234,22 @@ def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:
     return {
         n: later
         for n, later in reversed(pairs)
-        if _is_linear_copy(pooled[n], pooled[later])
-        or np.mean([_is_linear_copy(columns[n], columns[later]) for columns in each]) > MIN_COPY_SHARE
+        if is_copy(pooled[n], pooled[later])
+        or np.mean([is_copy(columns[n], columns[later]) for columns in each]) > MIN_COPY_SHARE
     }
 
 
-def _is_linear_copy(first: Array, second: Array) -> bool:
-    """Return whether two columns lie on one line, as far as their resolution lets tell."""
+def is_copy(first: Array, second: Array) -> bool:
+    """Return whether a column is another one again, in other numbers that grow with it, but for what both round."""
     both = np.isfinite(first) & np.isfinite(second)
     first, second = first[both], second[both]
-    if (
-        first.size < MIN_LINE_POINTS
-        or not np.ptp(first) > MIN_RANGE_STEPS * _resolution(first)
-        or not np.ptp(second) > MIN_RANGE_STEPS * _resolution(second)
-    ):
+    steps = _resolution(first), _resolution(second)
+    ranges = (float(np.ptp(one)) > MIN_RANGE_STEPS * step for one, step in zip((first, second), steps, strict=True))
+    if first.size < MIN_LINE_POINTS or not all(ranges):
         return False
     slope, offset = np.polyfit(first, second, 1)
     off = float(np.std(second - slope * first - offset))
-    return bool(off <= max(_rounding(slope, first, second), COPY_TOLERANCE * float(np.std(second))))
-
-
-def is_copy(one: Column, other: Column) -> bool:
-    """Return whether a column is another one again, in other numbers that grow with it, but for what both round.
-
-    Two that state quantities of different kinds are not.
-    """
-    both = np.isfinite(one.values) & np.isfinite(other.values)
-    first, second = one.values[both], other.values[both]
-    kinds = {quantity_kind(read_name(each, False).unit) for each in (one, other)}
-    if first.size < MIN_LINE_POINTS or not np.ptp(first) or not np.ptp(second) or len(kinds - {""}) > 1:
-        return False
-    low, high = int(np.argmin(first)), int(np.argmax(first))
-    slope = float((second[high] - second[low]) / (first[high] - first[low]))
-    off = float(np.abs(second - second[low] - slope * (first - first[low])).max())
-    if slope <= 0 or off > COPY_TOLERANCE * np.ptp(second):
-        return False
-    return off <= max(2.0 * _rounding(slope, first, second), 1e-9 * float(np.ptp(second)))
-
-
-def _rounding(slope: float, first: Array, second: Array) -> float:
-    """Return how far the rounding of two columns moves one off a line over the other."""
-    return 0.5 * (abs(slope) * _resolution(first) + _resolution(second))
+    return bool(slope > 0 and off <= max(0.5 * (slope * steps[0] + steps[1]), 1e-9 * float(np.ptp(second))))
 
 
 def _resolution(values: Array) -> float:
