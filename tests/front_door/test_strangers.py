@@ -96,6 +96,13 @@ NAMED = {  # text, and what its columns are taken for
         "t [s],p1 [bar],q1,q2,q3\n" + rows(T, P, np.sin(T), np.cos(T), np.sin(3 * T)),
         {"time": "t [s]", "p1": "p1 [bar]"},
     ),
+    "names before each number": (
+        "".join(
+            f"{t:.2f};rig.valve_V;{5 * on};rig.p1_bar;{p:.4f};rig.x_mm;{10 * np.cos(t):.3f};\n"
+            for t, on, p in zip(T, ON, P, strict=True)
+        ),
+        {"time": 1, "u": "rig.valve_V", "p1": "rig.p1_bar", "x": "rig.x_mm"},
+    ),
     "mains of a pump": (
         "t [s],p1 [bar],Voltage\n" + rows(T, P, 230 + 20 * np.cos(9 * T)),
         {"time": "t [s]", "p1": "p1 [bar]"},
