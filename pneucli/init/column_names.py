@@ -197,7 +197,7 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
         read_back = name.has(_FEEDBACK) and not is_reference
         yield "u", certainty - second - read_back
         yield from [("u2", certainty - (not second))] * (not read_back)
-    elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
+    elif kind not in ("", "time", "command") and not is_reference:  # volts alone may be any sensor's
         yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), certainty
 
 

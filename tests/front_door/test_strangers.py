@@ -103,6 +103,10 @@ NAMED = {  # text, and what its columns are taken for
         ),
         {"time": 1, "u": "rig.valve_V", "p1": "rig.p1_bar", "x": "rig.x_mm"},
     ),
+    "a setpoint of a unit A": (
+        "t [s],p1 [bar],A Setpoint\n" + rows(T, P, np.round(P, 1)),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
     "mains of a pump": (
         "t [s],p1 [bar],Voltage\n" + rows(T, P, 230 + 20 * np.cos(9 * T)),
         {"time": "t [s]", "p1": "p1 [bar]"},
