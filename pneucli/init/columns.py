@@ -78,7 +78,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     names = read_names(found.columns, found.is_text)
     clock = _clock(found.columns, names, is_rated=stated_period(found.scalars) is not None)
     if not any(name.words for name in names) or _differ_by_number(found.columns, names, clock):
-        return guess_unnamed_columns(surveys, clock)
+        return guess_unnamed_columns(found, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
     still = {n for n in _constant_columns(surveys, names) if clock is not None or names[n].kind != "pressure"}

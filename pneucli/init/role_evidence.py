@@ -1,8 +1,8 @@
 """Part of ``init``: what all columns together say of the role of one of them, beside its name.
 
 A supply stands at the top of the other pressures and hardly moves; a command is set in steps and shows no noise; of two
-columns that fit a role alike the order alone decides, which is said. Of columns without names the numbers and the
-files' own names tell some, people the rest.
+columns that fit a role alike the order alone decides, which is said. Of columns without names the numbers tell some,
+people the rest.
 """
 
 from __future__ import annotations
@@ -161,29 +161,20 @@ def without_alike(scores: Mapping[tuple[int, str], float], columns: Sequence[Col
 
 
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
-PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
 MAX_COMPARED = 60  # columns without names, of which each is compared with each
-MIN_COPY_SHARE = 0.5  # of the files
-MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
-MIN_LINE_POINTS = 3  # files that tell a line
+MIN_LINE_POINTS = 3  # rows that tell a line
 _IN_NAME = re.compile(r"(\d+(?:[.,]\d+)?)\s*([A-Za-z]+)")
 
 
-def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[Guess]:
+def guess_unnamed_columns(survey: Survey, clock: int | None) -> list[Guess]:
     """Return a guess for every column of files without names of columns; ``clock`` is the one that rises."""
-    columns = surveys[0].columns
-    twins = _copied_columns(surveys)
-    filled = [n for n in range(len(columns)) if all(one.columns[n].finite_values.size for one in surveys)]
+    columns = survey.columns
+    twins = _copied_columns(columns)
     parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
-    own = [n for n in filled if n not in twins and n != clock and str(columns[n].key) not in parts]
-    own = [n for n in own if not counts_rows(columns[n])]
-    medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
-    found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
-    found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
-    signals = {signal for signal, *_ in found.values()}
-    if "p1" in signals and "p_supply" not in signals:
-        found |= _position(surveys, [n for n in own if n not in found])
-    found |= _force(medians, found)
+    own = [n for n, one in enumerate(columns) if n not in twins and n != clock and str(one.key) not in parts]
+    own = [n for n in own if columns[n].finite_values.size and not counts_rows(columns[n])]
+    found = {} if clock is None else {clock: ("time", *_clock_unit(survey, clock))}
+    found |= _driven_vessel(survey, own)
     guesses = []
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
@@ -222,21 +213,11 @@ def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:
     return (column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
 
 
-def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:
-    """Return columns that are another, later one in other numbers, such as a sensor's volts.
-
-    In all files together, or in most of them: a zero may be taken anew for each.
-    """
-    each = [[column.values for column in one.columns] for one in alike]
-    pooled = [np.concatenate(same) for same in zip(*each, strict=True)]
-    width = len(pooled) if len(pooled) <= MAX_COMPARED else 0
+def _copied_columns(columns: Sequence[Column]) -> dict[int, int]:
+    """Return columns that are another, later one in other numbers, such as a sensor's volts."""
+    width = len(columns) if len(columns) <= MAX_COMPARED else 0
     pairs = [(n, later) for n in range(width) for later in range(width - 1, n, -1)]
-    return {
-        n: later
-        for n, later in reversed(pairs)
-        if is_copy(pooled[n], pooled[later])
-        or np.mean([is_copy(columns[n], columns[later]) for columns in each]) > MIN_COPY_SHARE
-    }
+    return {n: later for n, later in reversed(pairs) if is_copy(columns[n].values, columns[later].values)}
 
 
 def is_copy(first: Array, second: Array) -> bool:
@@ -264,38 +245,3 @@ def pressures_in_name(path: Path) -> dict[str, float]:
     for number, unit in _IN_NAME.findall(path.stem):
         found[unit] = max(found.get(unit, 0.0), float(number.replace(",", ".")))
     return {unit: number for unit, number in found.items() if is_unit(unit) and same_dimension(unit, "Pa")}
-
-
-def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, tuple[str, str, str]]:
-    """Return the column whose median is the pressure in each file's name, such as 7 in O-ring_7bar."""
-    pressures_in_names = [pressures_in_name(one.path) for one in alike]
-    for unit in pressures_in_names[0]:
-        if not all(unit in one for one in pressures_in_names):
-            continue
-        wanted = np.array([one[unit] for one in pressures_in_names])
-        for n, median in medians.items():
-            if len(set(wanted)) > 1 and np.all(np.abs(median - wanted) <= PRESSURE_NAME_TOLERANCE * wanted):
-                return {n: ("p1", unit, f"its medians are the numbers before {unit} in the files' names")}
-    return {}
-
-
-def _position(alike: Sequence[Survey], left: Sequence[int]) -> dict[int, tuple[str, str, str]]:
-    """Return the smoothest of the columns that are left: the one that travels least for its range."""
-    if len(left) < 2:
-        return {}
-    known = {n: alike[0].columns[n].finite_values for n in left}
-    travel = {n: float(np.abs(np.diff(values)).sum() / max(np.ptp(values), 1e-30)) for n, values in known.items()}
-    best = min(travel, key=lambda n: travel[n])
-    unit, note = guess_unit("x", known[best], angle=False)
-    return {best: ("x", unit, f"CHECK the smoothest reading; {note}")}
-
-
-def _force(medians: dict[int, Array], found: dict[int, tuple[str, str, str]]) -> dict[int, tuple[str, str, str]]:
-    """Return the column that grows in proportion with the pressure, as the force on a piston does."""
-    pressure = next((medians[n] for n, (signal, _, _) in found.items() if signal == "p1"), None)
-    if pressure is None or pressure.size < MIN_LINE_POINTS:
-        return {}
-    left = [n for n in medians if n not in found and np.ptp(medians[n]) > 0]
-    grows = [n for n in left if np.corrcoef(medians[n], pressure)[0, 1] > MIN_FORCE_CORRELATION]
-    note = "CHECK it grows in proportion with the pressure, as the force on a piston does; no unit is stated"
-    return {grows[-1]: ("force", "N", note)} if grows else {}
