@@ -161,6 +161,7 @@ def without_alike(scores: Mapping[tuple[int, str], float], columns: Sequence[Col
 
 
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
+COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line at most
 MAX_COMPARED = 60  # columns without names, of which each is compared with each
 MIN_LINE_POINTS = 3  # rows that tell a line
 _IN_NAME = re.compile(r"(\d+(?:[.,]\d+)?)\s*([A-Za-z]+)")
@@ -229,8 +230,9 @@ def is_copy(first: Array, second: Array) -> bool:
     if first.size < MIN_LINE_POINTS or not all(ranges):
         return False
     slope, offset = np.polyfit(first, second, 1)
-    off = float(np.std(second - slope * first - offset))
-    return bool(slope > 0 and off <= max(0.5 * (slope * steps[0] + steps[1]), 1e-9 * float(np.ptp(second))))
+    off, spread = float(np.std(second - slope * first - offset)), float(np.std(second))
+    rounding = min(0.5 * (slope * steps[0] + steps[1]), COPY_TOLERANCE * spread)  # few levels are no coarse rounding
+    return bool(slope > 0 and off <= max(rounding, 1e-9 * spread))
 
 
 def _resolution(values: Array) -> float:

@@ -135,12 +135,14 @@ def to_si(values: Array, unit: str, wanted: str) -> Array:
 
 
 def ambient_rest_pressure(pascals: Array) -> float | None:
-    """Return the pressure at which a chamber begins or ends, if that is ambient pressure and it rises in between."""
-    if float(np.ptp(pascals)) < MIN_PRESSURE_CHANGE or np.quantile(pascals, DIP_SHARE) < AMBIENT_RANGE[0]:
+    """Return the pressure at which a chamber begins or ends, if that is ambient and it rises more than it falls."""
+    if float(np.ptp(pascals)) < MIN_PRESSURE_CHANGE:
         return None
     few = max(1, int(REST_SHARE * pascals.size))
     ends = [float(np.median(part)) for part in (pascals[:few], pascals[-few:])]
-    return next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
+    rest = next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
+    rises = rest is not None and float(pascals.max()) - rest >= rest - float(pascals.min())
+    return rest if rises else None
 
 
 LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why

@@ -92,6 +92,10 @@ NAMED = {  # text, and what its columns are taken for
         "t [s],p1 [bar],position [mm],y\n" + rows(T, P, 40 * np.cos(T), 8 * np.cos(T) + 1),
         {"time": "t [s]", "p1": "p1 [bar]", "x": "position [mm]"},
     ),
+    "a position that follows its reference": (
+        "t [s],p1 [bar],x_ref [mm],x [mm]\n" + rows(T, P, np.round(40 * np.cos(T)), np.round(40 * np.cos(T)) + 0.01),
+        {"time": "t [s]", "p1": "p1 [bar]", "x_ref": "x_ref [mm]", "x": "x [mm]"},
+    ),
     "joints of a robot": (
         "t [s],p1 [bar],q1,q2,q3\n" + rows(T, P, np.sin(T), np.cos(T), np.sin(3 * T)),
         {"time": "t [s]", "p1": "p1 [bar]"},
@@ -165,6 +169,12 @@ def test_a_unit_in_capitals_counts_behind_what_it_measures(tmp_path: Path) -> No
         "p1": "PSIA",
         "flow": "SLPM",
     }
+
+
+def test_a_chamber_that_rests_at_ambient_pressure_may_expand_below_it(tmp_path: Path) -> None:
+    expands = 1.01 + 3 * np.sin(np.maximum(T - 0.5, 0)) ** 3 * np.where(np.sin(np.maximum(T - 0.5, 0)) > 0, 1, 0.1)
+    answer = looked_at(tmp_path, "t [s],p1 [bar],u [V]\n" + rows(T, expands, ON))
+    assert "absolute: it rests at 1.01 bar" in note(answer, "p1")
 
 
 def test_a_tank_that_rests_full_rests_at_no_ambient_pressure(tmp_path: Path) -> None:
