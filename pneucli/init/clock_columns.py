@@ -291,8 +291,8 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
 
 
 def clock_is_ambiguous(column: Column, note: str) -> bool:
-    """Return whether people have to say the unit: whole numbers of one unit are as usual as those of another."""
-    return LIKELIER in note and _is_whole(column.finite_values)
+    """Return whether people have to say the unit: numbers that go on by one are samples, ms or s."""
+    return LIKELIER in note and counts_rows(column)
 
 
 def unusual_rate(seconds: Array) -> str:

@@ -177,6 +177,11 @@ def test_a_chamber_that_rests_at_ambient_pressure_may_expand_below_it(tmp_path: 
     assert "absolute: it rests at 1.01 bar" in note(answer, "p1")
 
 
+def test_a_clock_that_goes_on_by_one_is_asked_for_its_unit(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, rows(np.arange(600), P, np.cos(T), mark=","))
+    assert "signals.time" in [one.key for one in answer.fill_in]
+
+
 def test_a_tank_that_rests_full_rests_at_no_ambient_pressure(tmp_path: Path) -> None:
     answer = looked_at(tmp_path, "t [s],pressure,u [V]\n" + rows(T, 101 - 80 * np.sin(T / 2) ** 2, ON))
     assert next(one.unit for one in answer.columns if one.signal == "p1") == "?", "101 psi are no 101 kPa"

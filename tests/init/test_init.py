@@ -241,7 +241,7 @@ def test_what_has_two_values_is_no_sensor() -> None:
 def test_numbers_without_a_unit_are_read_as_what_a_rig_has_and_the_guess_is_told(tmp_path: Path) -> None:
     raw = write(tmp_path / "a.csv", {"t": 1000 * T, "pA": 3e5 + T, "x": 40 * np.sin(T), "F": np.sin(3 * T)})
     answer = init.create(tmp_path / "rig", [raw])
-    assert 'unit = "?"' in line(answer, "time"), "whole numbers: 100 Hz in ms, and 0.1 Hz in s"
+    assert 'unit = "ms"' in line(answer, "time")
     assert 'unit = "Pa", reference = "absolute"' in line(answer, "p1")
     assert 'unit = "mm"' in line(answer, "x")
     assert "no unit is stated: −40 to 40 is taken for mm" in line(answer, "x")
