@@ -290,6 +290,11 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     return best, f"CHECK no unit is stated: {rate}, as {why}{doubt}"
 
 
+def clock_is_ambiguous(column: Column, note: str) -> bool:
+    """Return whether people have to say the unit: numbers that go on by one are samples, ms or s."""
+    return LIKELIER in note and counts_rows(column)
+
+
 def unusual_rate(seconds: Array) -> str:
     """Return a doubt where stamps in s, in a stated unit, give a rate that no recording of a rig has; else nothing."""
     steps = np.diff(seconds)

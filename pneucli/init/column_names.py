@@ -66,7 +66,8 @@ SUPPLY = (
 UPSTREAM = "up upstream vor inlet in entry eingang primary"
 DOWNSTREAM = "down downstream nach outlet out exit ausgang secondary back"
 DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p Δ"  # of two pressures
-NO_SIGNAL = "battery- batter- akku- gyro- gyr id uid heart-"  # what recorders add, which is no signal of an axis
+# what recorders add, which is no signal of an axis
+NO_SIGNAL = "battery- batter- akku- gyro- gyr id uid heart- depth- altitude- elevation-"
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
 _SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
@@ -152,6 +153,11 @@ class ColumnName:
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
     @property
+    def is_voltage(self) -> bool:
+        """Whether it says a voltage, and not that it drives something."""
+        return self.has(_VOLTAGE) and not self.has(_DRIVES)
+
+    @property
     def noun_words(self) -> list[str]:
         """The words that mean a quantity, but for time."""
         return [one for one in self.words if ColumnName((one,), "").nouns]
@@ -191,7 +197,7 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
         read_back = name.has(_FEEDBACK) and not is_reference
         yield "u", certainty - second - read_back
         yield from [("u2", certainty - (not second))] * (not read_back)
-    elif kind not in ("", "time", "command"):  # volts alone may be any sensor's
+    elif kind not in ("", "time", "command") and not is_reference:  # volts alone may be any sensor's
         yield {"velocity": "v", "acceleration": "a"}.get(kind, kind), certainty
 
 
@@ -292,9 +298,11 @@ def _stands_behind_a_blank(text: str, stem: Sequence[str]) -> bool:
     """Return whether the end of a name is a unit and no word: "v mm/s", "valve V"; not "Pressure A", "Loop PV"."""
     if len(text) == 1:  # a letter is a unit where the words before it mean what it measures; A counts valves
         return text != "A" and is_unit(text) and quantity_kind(text) in ColumnName(_words(" ".join(stem)), "").nouns
-    is_word = text.isupper() or text.lower() in _WORDS_TOO
     whole = text.count("(") == text.count(")") and text.count("[") == text.count("]")
-    return text[0].isalpha() and whole and not is_word and ("/" in text or " " not in text) and is_unit(text)
+    if not (text[0].isalpha() and whole and ("/" in text or " " not in text) and is_unit(text)):
+        return False
+    meant = len(text) > 2 and quantity_kind(text) in ColumnName(_words(" ".join(stem)), "").nouns  # "Abs Press PSIA"
+    return meant or not (text.isupper() or text.lower() in _WORDS_TOO)
 
 
 def _longest_unit(stem: str, unit: str) -> tuple[str, str]:

@@ -15,6 +15,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import (
+    clock_is_ambiguous,
     counts_rows,
     epoch_counter,
     goes_on_evenly,
@@ -41,9 +42,16 @@ from pneucli.init.column_names import (
     signal_scores,
     variants,
 )
-from pneucli.init.role_evidence import guess_unnamed_columns, pressures_in_name, rivals, role_evidence
+from pneucli.init.role_evidence import (
+    guess_unnamed_columns,
+    is_copy,
+    pressures_in_name,
+    rivals,
+    role_evidence,
+    without_alike,
+)
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import AT_AMBIENT, guess_unit, implausibility
+from pneucli.init.units import AT_AMBIENT, guess_unit, implausibility, is_ambiguous
 from pneucli.io.clock import continuous_stamps
 from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
@@ -70,7 +78,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     names = read_names(found.columns, found.is_text)
     clock = _clock(found.columns, names, is_rated=stated_period(found.scalars) is not None)
     if not any(name.words for name in names) or _differ_by_number(found.columns, names, clock):
-        return guess_unnamed_columns(surveys, clock)
+        return guess_unnamed_columns(found, clock)
     taken = {clock: "time"} if clock is not None else {}
     clocks = {column.clock for column in found.columns}
     still = {n for n in _constant_columns(surveys, names) if clock is not None or names[n].kind != "pressure"}
@@ -80,14 +88,21 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     still |= {n for n in usable if counts_rows(found.columns[n]) and found.columns[n].finite_values[0] in (0, 1)}
     still |= {n for n in usable if found.columns[n].name == clock_name}
     free = [n for n in usable if n not in taken and n not in still and found.columns[n].key not in clocks]
+    free = [n for n in free if not (names[n].is_voltage and implausibility("u", "V", found.columns[n].finite_values))]
     switched = {n for n in free if _is_switched(found.columns[n])}
     named = ((n, *own) for n in free for own in signal_scores(names[n]))
     scores = {(n, signal): score for n, signal, score in named if signal in SET or n not in switched}
     seen = [*role_evidence(found.columns, names, free)]
     for one in seen:
         scores[one.position, one.signal] = scores.get((one.position, one.signal), 0.0) + one.weight
+    scores = without_alike(scores, found.columns)
     for (n, signal), _ in sorted(scores.items(), key=lambda item: (item[1], -item[0][0], item[0][1]), reverse=True):
-        if n not in taken and signal not in taken.values():
+        followed = [
+            m for m, one in taken.items() if "_ref" not in one + signal
+        ]  # what follows a reference well is no copy
+        kin = (m for m in followed if m != clock and len({names[m].kind, names[n].kind} - {""}) < 2)
+        again = (is_copy(found.columns[m].values, found.columns[n].values) for m in kin)
+        if n not in taken and signal not in taken.values() and not any(again):
             taken[n] = signal
     why = rivals(taken, scores, found.columns)
     why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
@@ -109,14 +124,22 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
 def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
     """Return the guesses with pressures that say no unit in that of the one which rests at ambient, or reaches most."""
     mute = {
-        id(g): g for g in guesses if g.signal.startswith("p") and not (g.unit_stated or g.column.unit or g.ask_unit)
+        id(g): g
+        for g in guesses
+        if g.signal.startswith("p") and not (g.unit_stated or g.column.unit or g.column.written)
     }
     if not mute:
         return list(guesses)
     reach = max(mute.values(), key=lambda one: float(np.abs(one.column.finite_values).max(initial=0.0)))
     told = next((one for one in mute.values() if AT_AMBIENT in one.note), reach)
     note = f"CHECK no unit is stated: taken for {told.unit}, as {told.signal} is"
-    return [replace(g, unit=told.unit, note=note) if id(g) in mute and g.unit != told.unit else g for g in guesses]
+    as_told = (told.unit, told.ask_unit)
+    return [
+        replace(g, unit=told.unit, note=note, ask_unit=told.ask_unit)
+        if id(g) in mute and (g.unit, g.ask_unit) != as_told
+        else g
+        for g in guesses
+    ]
 
 
 def _motion_of_x(guesses: Sequence[Guess]) -> list[Guess]:
@@ -197,7 +220,8 @@ def _in_unit_of_files(alike: Sequence[Survey], guess: Guess, known: Array) -> Gu
     most, reached = max(one.get(unit, 0.0) for one in named), float(np.abs(known).max())
     if not most < MAX_MISSED * reached < MAX_MISSED**2 * most:
         return guess
-    return replace(guess, unit=unit, note=f"CHECK no unit is stated: taken for {unit}, which the file's name says")
+    note = f"CHECK no unit is stated: taken for {unit}, which the file's name says"
+    return replace(guess, unit=unit, note=note, ask_unit=False)
 
 
 def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> Guess:
@@ -223,7 +247,8 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
     if column.written:
         note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
     rests = f"rests {AT_AMBIENT}" in note and " or " not in column.written  # of a unit that changes no level tells
-    return Guess(column, signal, unit, False, reference, note, ask_unit=bool(column.written) and not rests)
+    asked = (bool(column.written) and not rests) or is_ambiguous(unit, note)
+    return Guess(column, signal, unit, False, reference, note, ask_unit=asked)
 
 
 _SENSED_IN = {"p": "bar", "x": "mm", "v": "mm/s", "f": "N"}  # what people state a sensor's scale in, by signal
@@ -275,7 +300,7 @@ def _clock_in_its_unit(found: Survey, column: Column, name: ColumnName) -> Guess
         note = note or unusual_rate(column.finite_values * column.scale * parse_unit(name.unit).factor)
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
     unit, note = guess_clock_unit(column, found.columns, found.scalars)
-    return Guess(column, "time", unit, False, "", note)
+    return Guess(column, "time", unit, False, "", note, ask_unit=clock_is_ambiguous(column, note))
 
 
 def _marks(alike: Sequence[Survey], n: int, signal: str) -> tuple[float, ...]:

@@ -1,13 +1,14 @@
 """Part of ``init``: what all columns together say of the role of one of them, beside its name.
 
 A supply stands at the top of the other pressures and hardly moves; a command is set in steps and shows no noise; of two
-columns that fit a role alike the order alone decides, which is said. Of columns without names the numbers and the
-files' own names tell some, people the rest.
+columns that fit a role alike the order alone decides, which is said. Of columns without names the numbers tell some,
+people the rest.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,17 +16,18 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock_unit
+from pneucli.init.clock_columns import clock_is_ambiguous, computed_column, counts_rows, guess_clock_unit
 from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility
+from pneucli.init.units import guess_unit, implausibility, is_ambiguous
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import parse_unit, same_dimension
 
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands
 MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and shows no noise
-MAX_UNEVEN_ROWS = 2  # by which the rows between readings of an even clock of its own differ
+# rows by which distances between readings of an even clock differ: each reading falls on a row half a row off at most
+MAX_UNEVEN_ROWS = 2
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
 SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
 BY_ORDER = "the order of the columns decided"
@@ -58,9 +60,15 @@ def role_evidence(columns: Sequence[Column], names: Sequence[ColumnName], free: 
             volts = quantity_kind(names[n].unit) == "command" and letters  # Y1 is a coil as well as a position
             is_share = quantity_kind(names[n].unit) == "" and (not names[n].unit or same_dimension(names[n].unit, "1"))
             nameless = is_share and not (names[n].nouns and names[n].kind) and not names[n].has(NO_SIGNAL)
-            if (nameless or volts) and looks_set(columns[n].values):
+            if (volts or (nameless and not _counts_on(columns[n]))) and looks_set(columns[n].values):
                 why = "CHECK it is set in steps and shows no noise, as a command does"
                 yield Evidence(n, "u", SURE if volts else LIKELY, why)
+
+
+def _counts_on(column: Column) -> bool:
+    """Return whether a column only ever goes on by one: the number of a step, a cycle or a segment."""
+    steps = np.diff(column.finite_values)
+    return bool(np.all(steps[steps != 0] == 1.0))
 
 
 def pressure_behind_valve(columns: Sequence[Column], names: Sequence[ColumnName]) -> list[Column]:
@@ -141,39 +149,40 @@ def rivals(
     return found
 
 
+MIN_ALIKE = 3  # columns that differ by a number alone: two may be those of the chambers, or a reading and a spare
+NUMBERED = ("time", "p1", "p2", "u", "u2")  # signals that have a number of their own
+
+
+def without_alike(scores: Mapping[tuple[int, str], float], columns: Sequence[Column]) -> dict[tuple[int, str], float]:
+    """Return the scores without roles that several columns claim which differ by a number alone: joints of a robot."""
+    stems = [re.sub(r"\d+", "#", one.name) for one in columns]
+    claims = Counter((stems[n], signal) for n, signal in scores if signal not in NUMBERED)
+    return {(n, one): score for (n, one), score in scores.items() if claims[stems[n], one] < MIN_ALIKE}
+
+
 MIN_RANGE_STEPS = 5.0  # steps of its resolution that a reading moves at least, to be compared
-PRESSURE_NAME_TOLERANCE = 0.06  # of the number in a file's name
+COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line at most
 MAX_COMPARED = 60  # columns without names, of which each is compared with each
-COPY_TOLERANCE = 0.01  # of its deviation, that one reading in two columns may be off a line
-MIN_COPY_SHARE = 0.5  # of the files
-MIN_FORCE_CORRELATION = 0.99  # correlation of what grows with the pressure
-MIN_LINE_POINTS = 3  # files that tell a line
+MIN_LINE_POINTS = 3  # rows that tell a line
 _IN_NAME = re.compile(r"(\d+(?:[.,]\d+)?)\s*([A-Za-z]+)")
 
 
-def guess_unnamed_columns(surveys: Sequence[Survey], clock: int | None) -> list[Guess]:
+def guess_unnamed_columns(survey: Survey, clock: int | None) -> list[Guess]:
     """Return a guess for every column of files without names of columns; ``clock`` is the one that rises."""
-    columns = surveys[0].columns
-    twins = _copied_columns(surveys)
-    filled = [n for n in range(len(columns)) if all(one.columns[n].finite_values.size for one in surveys)]
+    columns = survey.columns
+    twins = _copied_columns(columns)
     parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
-    own = [n for n in filled if n not in twins and n != clock and str(columns[n].key) not in parts]
-    own = [n for n in own if not counts_rows(columns[n])]
-    medians = {n: np.array([np.median(one.columns[n].finite_values) for one in surveys]) for n in own}
-    found = {} if clock is None else {clock: ("time", *_clock_unit(surveys[0], clock))}
-    found |= _driven_vessel(surveys[0], own) or _pressure(surveys, medians)
-    signals = {signal for signal, *_ in found.values()}
-    if "p1" in signals and "p_supply" not in signals:
-        found |= _position(surveys, [n for n in own if n not in found])
-    found |= _force(medians, found)
-    if len(own) == 1 and own[0] not in found:
-        unit, note = guess_unit("p1", columns[own[0]].finite_values, angle=False)
-        found = {**found, own[0]: ("p1", unit, f"the only reading; {note}")}
+    own = [n for n, one in enumerate(columns) if n not in twins and n != clock and str(one.key) not in parts]
+    own = [n for n in own if columns[n].finite_values.size and not counts_rows(columns[n])]
+    found = {} if clock is None else {clock: ("time", *_clock_unit(survey, clock))}
+    found |= _driven_vessel(survey, own)
     guesses = []
     for n, column in enumerate(columns):
         signal, unit, note = found.get(n, ("", "", ""))
         note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
-        asked = bool(signal) and not column.unit and bool(implausibility(signal, unit, column.finite_values))
+        mute = bool(signal) and not column.unit
+        asked = mute and bool(implausibility(signal, unit, column.finite_values))
+        asked |= mute and (clock_is_ambiguous(column, note) if signal == "time" else is_ambiguous(unit, note))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses
 
@@ -205,39 +214,25 @@ def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:
     return (column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
 
 
-def _copied_columns(alike: Sequence[Survey]) -> dict[int, int]:
-    """Return columns that are another, later one in other numbers, such as a sensor's volts.
-
-    In all files together, or in most of them: a zero may be taken anew for each.
-    """
-    each = [[column.values for column in one.columns] for one in alike]
-    pooled = [np.concatenate(same) for same in zip(*each, strict=True)]
-    width = len(pooled) if len(pooled) <= MAX_COMPARED else 0
+def _copied_columns(columns: Sequence[Column]) -> dict[int, int]:
+    """Return columns that are another, later one in other numbers, such as a sensor's volts."""
+    width = len(columns) if len(columns) <= MAX_COMPARED else 0
     pairs = [(n, later) for n in range(width) for later in range(width - 1, n, -1)]
-    return {
-        n: later
-        for n, later in reversed(pairs)
-        if _is_linear_copy(pooled[n], pooled[later])
-        or np.mean([_is_linear_copy(columns[n], columns[later]) for columns in each]) > MIN_COPY_SHARE
-    }
+    return {n: later for n, later in reversed(pairs) if is_copy(columns[n].values, columns[later].values)}
 
 
-def _is_linear_copy(first: Array, second: Array) -> bool:
-    """Return whether two columns lie on one line, as far as their resolution lets tell."""
+def is_copy(first: Array, second: Array) -> bool:
+    """Return whether a column is another one again, in other numbers that grow with it, but for what both round."""
     both = np.isfinite(first) & np.isfinite(second)
     first, second = first[both], second[both]
-    if (
-        first.size < MIN_LINE_POINTS
-        or not np.ptp(first) > MIN_RANGE_STEPS * _resolution(first)
-        or not np.ptp(second) > MIN_RANGE_STEPS * _resolution(second)
-    ):
+    steps = _resolution(first), _resolution(second)
+    ranges = (float(np.ptp(one)) > MIN_RANGE_STEPS * step for one, step in zip((first, second), steps, strict=True))
+    if first.size < MIN_LINE_POINTS or not all(ranges):
         return False
     slope, offset = np.polyfit(first, second, 1)
-    off = float(np.std(second - slope * first - offset))
-    return bool(
-        off
-        <= max(0.5 * (abs(slope) * _resolution(first) + _resolution(second)), COPY_TOLERANCE * float(np.std(second)))
-    )
+    off, spread = float(np.std(second - slope * first - offset)), float(np.std(second))
+    rounding = min(0.5 * (slope * steps[0] + steps[1]), COPY_TOLERANCE * spread)  # few levels are no coarse rounding
+    return bool(slope > 0 and off <= max(rounding, 1e-9 * spread))
 
 
 def _resolution(values: Array) -> float:
@@ -252,38 +247,3 @@ def pressures_in_name(path: Path) -> dict[str, float]:
     for number, unit in _IN_NAME.findall(path.stem):
         found[unit] = max(found.get(unit, 0.0), float(number.replace(",", ".")))
     return {unit: number for unit, number in found.items() if is_unit(unit) and same_dimension(unit, "Pa")}
-
-
-def _pressure(alike: Sequence[Survey], medians: dict[int, Array]) -> dict[int, tuple[str, str, str]]:
-    """Return the column whose median is the pressure in each file's name, such as 7 in O-ring_7bar."""
-    pressures_in_names = [pressures_in_name(one.path) for one in alike]
-    for unit in pressures_in_names[0]:
-        if not all(unit in one for one in pressures_in_names):
-            continue
-        wanted = np.array([one[unit] for one in pressures_in_names])
-        for n, median in medians.items():
-            if len(set(wanted)) > 1 and np.all(np.abs(median - wanted) <= PRESSURE_NAME_TOLERANCE * wanted):
-                return {n: ("p1", unit, f"its medians are the numbers before {unit} in the files' names")}
-    return {}
-
-
-def _position(alike: Sequence[Survey], left: Sequence[int]) -> dict[int, tuple[str, str, str]]:
-    """Return the smoothest of the columns that are left: the one that travels least for its range."""
-    if len(left) < 2:
-        return {}
-    known = {n: alike[0].columns[n].finite_values for n in left}
-    travel = {n: float(np.abs(np.diff(values)).sum() / max(np.ptp(values), 1e-30)) for n, values in known.items()}
-    best = min(travel, key=lambda n: travel[n])
-    unit, note = guess_unit("x", known[best], angle=False)
-    return {best: ("x", unit, f"CHECK the smoothest reading; {note}")}
-
-
-def _force(medians: dict[int, Array], found: dict[int, tuple[str, str, str]]) -> dict[int, tuple[str, str, str]]:
-    """Return the column that grows in proportion with the pressure, as the force on a piston does."""
-    pressure = next((medians[n] for n, (signal, _, _) in found.items() if signal == "p1"), None)
-    if pressure is None or pressure.size < MIN_LINE_POINTS:
-        return {}
-    left = [n for n in medians if n not in found and np.ptp(medians[n]) > 0]
-    grows = [n for n in left if np.corrcoef(medians[n], pressure)[0, 1] > MIN_FORCE_CORRELATION]
-    note = "CHECK it grows in proportion with the pressure, as the force on a piston does; no unit is stated"
-    return {grows[-1]: ("force", "N", note)} if grows else {}

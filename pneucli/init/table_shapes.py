@@ -183,7 +183,9 @@ def runs_below_one_another(
         if not 1 < len(names) == edges.size + 1 <= MAX_RUNS or texts.size < 8 * len(names):
             continue
         others = [one for one in columns if one.name != name]
-        starts_anew = any(_starts_anew(one.values, edges) for one in others)
+        places = {one.name for one in others if name in counted and read_name(one, False).nouns}  # of a map
+        clocks = (one for one in others if may_be_clock(one) or one.name not in places)
+        starts_anew = any(_starts_anew(one.values, edges) for one in clocks)
         if starts_anew or _RUN_COLUMN.fullmatch(name.strip()):
             key: ColumnKey = counted[name].key if name in counted else name
             return [(str(run), _rows_of(others, key, str(run), texts == run)) for run in names]

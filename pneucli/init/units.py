@@ -41,6 +41,11 @@ def _unit_at_ambient(values: Array) -> tuple[str, str] | None:
     return next(rests, None) or next(((unit, "is lowest") for unit, own in pascals.items() if _is_vented(own)), None)
 
 
+def is_ambiguous(unit: str, note: str) -> bool:
+    """Return whether numbers of a pressure that are too large for bar suit several units: kPa, psi, mbar, mmHg."""
+    return unit == "kPa" and note.startswith("CHECK no unit is stated") and AT_AMBIENT not in note
+
+
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
     most, span = float(np.abs(values).max()), float(np.ptp(values))
     if SIGNALS[signal].unit == "Pa":
@@ -130,12 +135,14 @@ def to_si(values: Array, unit: str, wanted: str) -> Array:
 
 
 def ambient_rest_pressure(pascals: Array) -> float | None:
-    """Return the pressure at which a chamber begins or ends, if that is ambient pressure and it moves in between."""
+    """Return the pressure at which a chamber begins or ends, if that is ambient and it rises more than it falls."""
     if float(np.ptp(pascals)) < MIN_PRESSURE_CHANGE:
         return None
     few = max(1, int(REST_SHARE * pascals.size))
     ends = [float(np.median(part)) for part in (pascals[:few], pascals[-few:])]
-    return next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
+    rest = next((end for end in ends if AMBIENT_RANGE[0] <= end <= AMBIENT_RANGE[1]), None)
+    rises = rest is not None and float(pascals.max()) - rest >= rest - float(pascals.min())
+    return rest if rises else None
 
 
 LIMITS = {  # in SI, gauge: what no pneumatic rig has, and why

@@ -157,7 +157,12 @@ class _DelimitedTable:
         rows = [row for row in self._rows if row and len(row) == self.width]
         named = not any(is_cell(row[0]) for row in rows) and len({row[0] for row in rows}) == len(rows)
         told = named or self.width >= _MAX_COLUMNS or len(rows) < MIN_TABLE_ROWS
-        return bool(rows) and told and self.width > MIN_SIDE * len(rows) and all(is_cell(row[-1]) for row in rows)
+        return (
+            bool(rows)
+            and told
+            and self.width > MIN_SIDE * len(rows)
+            and all(is_cell(row[-1] or row[-2]) for row in rows)
+        )
 
     @property
     def line_of_another_table(self) -> int:

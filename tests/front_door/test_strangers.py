@@ -43,7 +43,7 @@ STAMPS = [f"11/21/2015,10:{n // 60:02d}:{n % 60:02d}" for n in range(600)]
 NAMED = {  # text, and what its columns are taken for
     "serial numbers as names": (
         "Date,Time,2050012,2044813,2051151\n" + rows(STAMPS, P + 99, P + 99.1, P + 99.2),
-        {"time": "Time", "p1": "2051151"},  # the others are it in other numbers
+        {"time": "Time"},  # one reading thrice, of which nothing says what it is
     ),
     "a vector beside a pressure": (
         "t [s],p1 [bar],GyroX,GyroY,GyroZ\n" + rows(T, P, np.sin(T), np.cos(T), T % 1),
@@ -75,13 +75,57 @@ NAMED = {  # text, and what its columns are taken for
     ),
     "loads over pairs of columns, apart by an empty one": (
         "t [s],100 grams,,,200 grams,\n,Pressure (psi),disp (mm),,Pressure (psi),disp (mm)\n"
-        + rows(T, 15 * P, P, [""] * 600, 15 * P + 1, P),
+        + rows(T, 15 * P, P, [""] * 600, 15 * P + T, P),
         {
             "time": "t [s]",
             "p1": "100 grams Pressure (psi)",
             "p2": "200 grams Pressure (psi)",
             "x": "100 grams disp (mm)",
         },
+    ),
+    "volts of inputs, and the same again behind them": (
+        "Time [s],AIN0,AIN1,AIN2,y0,y1,y2,y3\n"
+        + rows(T, 5 * ON, P, np.cos(T), 5 * ON, 10 * P, 3 * np.cos(T), np.sin(3 * T)),
+        {"time": "Time [s]", "u": "AIN0"},
+    ),
+    "a reading that is logged twice": (
+        "t [s],p1 [bar],position [mm],y\n" + rows(T, P, 40 * np.cos(T), 8 * np.cos(T) + 1),
+        {"time": "t [s]", "p1": "p1 [bar]", "x": "position [mm]"},
+    ),
+    "a position that follows its reference": (
+        "t [s],p1 [bar],x_ref [mm],x [mm]\n" + rows(T, P, np.round(40 * np.cos(T)), np.round(40 * np.cos(T)) + 0.01),
+        {"time": "t [s]", "p1": "p1 [bar]", "x_ref": "x_ref [mm]", "x": "x [mm]"},
+    ),
+    "joints of a robot": (
+        "t [s],p1 [bar],q1,q2,q3\n" + rows(T, P, np.sin(T), np.cos(T), np.sin(3 * T)),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "names before each number": (
+        "".join(
+            f"{t:.2f};rig.valve_V;{5 * on};rig.p1_bar;{p:.4f};rig.x_mm;{10 * np.cos(t):.3f};\n"
+            for t, on, p in zip(T, ON, P, strict=True)
+        ),
+        {"time": 1, "u": "rig.valve_V", "p1": "rig.p1_bar", "x": "rig.x_mm"},
+    ),
+    "a setpoint of a unit A": (
+        "t [s],p1 [bar],A Setpoint\n" + rows(T, P, np.round(P, 1)),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "mains of a pump": (
+        "t [s],p1 [bar],Voltage\n" + rows(T, P, 230 + 20 * np.cos(9 * T)),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "steps of a recipe": (
+        "t [s],p1 [bar],Step\n" + rows(T, P, 4 + T // 1),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "a barometer's altitude": (
+        "t [s],p1 [bar],Altitude [m]\n" + rows(T, P, np.cos(T)),
+        {"time": "t [s]", "p1": "p1 [bar]"},
+    ),
+    "a map over two places": (
+        "x,y,p1 [bar]\n" + rows(np.tile(np.arange(20), 30), np.repeat(np.arange(30), 20), P),
+        {"x": "x", "p1": "p1 [bar]"},
     ),
     "runs whose command rises as a clock does": (
         "mode,pwm,pressure [kPa],timestamp\n"
@@ -116,7 +160,38 @@ def test_a_files_name_tells_the_unit_of_pressures_that_have_none(tmp_path: Path)
     answer = looked_at(tmp_path, "t [s],measured_p,u [V]\n" + rows(T, 3 * P, ON), "sine_0-9psi.csv")
     assert next(one.unit for one in answer.columns if one.signal == "p1") == "psi"
     answer = looked_at(tmp_path / "supply", "t [s],measured_p,u [V]\n" + rows(T, 160 * P, ON), "run_6bar.csv")
-    assert next(one.unit for one in answer.columns if one.signal == "p1") == "kPa"
+    assert next(one.unit for one in answer.columns if one.signal == "p1") == "?", "kPa, psi, mbar or mmHg"
+
+
+def test_a_unit_in_capitals_counts_behind_what_it_measures(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],A Abs Press PSIA,A Mass Flow SLPM,Loop PV\n" + rows(T, 15 + P, P, ON))
+    assert {one.signal: one.unit for one in answer.columns if one.signal in ("p1", "flow")} == {
+        "p1": "PSIA",
+        "flow": "SLPM",
+    }
+
+
+def test_a_chamber_that_rests_at_ambient_pressure_may_expand_below_it(tmp_path: Path) -> None:
+    expands = 1.01 + 3 * np.sin(np.maximum(T - 0.5, 0)) ** 3 * np.where(np.sin(np.maximum(T - 0.5, 0)) > 0, 1, 0.1)
+    answer = looked_at(tmp_path, "t [s],p1 [bar],u [V]\n" + rows(T, expands, ON))
+    assert "absolute: it rests at 1.01 bar" in note(answer, "p1")
+
+
+def test_a_clock_that_goes_on_by_one_is_asked_for_its_unit(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, rows(np.arange(600), P, np.cos(T), mark=","))
+    assert "signals.time" in [one.key for one in answer.fill_in]
+
+
+def test_a_tank_that_rests_full_rests_at_no_ambient_pressure(tmp_path: Path) -> None:
+    answer = looked_at(tmp_path, "t [s],pressure,u [V]\n" + rows(T, 101 - 80 * np.sin(T / 2) ** 2, ON))
+    assert next(one.unit for one in answer.columns if one.signal == "p1") == "?", "101 psi are no 101 kPa"
+
+
+def test_a_table_whose_lines_end_with_a_mark_may_lie_on_its_side(tmp_path: Path) -> None:
+    stamps = [f"2026/03/11 09:{n // 60:02d}:{n % 60:02d}" for n in range(300)]
+    lines = ["Group1", *stamps], ["DM0", *P[:300]], ["DM1", *ON[:300]]
+    with pytest.raises(InputError, match="a channel in each line"):
+        looked_at(tmp_path, "".join(",".join(map(str, one)) + ",\n" for one in lines))
 
 
 def test_a_velocity_turns_where_x_does(tmp_path: Path) -> None:
@@ -227,7 +302,7 @@ def test_an_angle_that_goes_on_evenly_is_no_clock(tmp_path: Path) -> None:
 
 def test_pressures_without_units_are_in_one(tmp_path: Path) -> None:
     answer = looked_at(tmp_path, "t [s],p1,p2\n" + rows(T, 110 + P, 40 + P))
-    assert {one.unit.split()[0] for one in answer.columns if one.signal.startswith("p")} == {"kPa"}
+    assert {one.unit.split()[0] for one in answer.columns if one.signal.startswith("p")} == {"?"}
 
 
 def test_a_command_that_is_logged_on_change_is_one(tmp_path: Path) -> None:

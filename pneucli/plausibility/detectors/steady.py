@@ -25,9 +25,7 @@ def _check(rig_check: RigCheck) -> Iterator[Finding]:
 
 
 def _grows_with(difference: Array, flow: Array) -> bool:
-    """Whether the flow grows with the pressure that it flows against: that of a pump falls, exchanged columns "
-    "grow.
-    """
+    """Whether the flow grows with the pressure that it flows against: that of a pump falls."""
     if not np.ptp(difference) > 0.0 or not np.ptp(flow) > 0.0:
         return False
     return bool(np.corrcoef(difference, flow)[0, 1] > MIN_CORRELATION)
