@@ -43,12 +43,8 @@ SUPPLY_SPREAD = 0.1  # of the supply pressure, either way
 REST_LIMIT, MOTION_LIMIT, LOAD_LIMIT = 50e-6, 0.5e-3, 100e-6  # m, where [design] states nothing
 WORST_RATIO = 1e3  # over its limit: of a loop that runs away
 BEST_RATIO = 0.1  # over its limit, of a score: a wider margin counts no more
-HELD_RATIOS = (
-    0.9,
-    0.0,
-    0.45,
-    0.0,
-)  # of the figures, up to which a held piston stays where it is: no margin of the gains
+# of the figures, up to which a held piston stays where it is: no margin of the gains
+HELD_RATIOS = (0.9, 0.0, 0.45, 0.0)
 SHARPNESS = 4.0  # of a score: a kernel of about the width that figures of 5 to 25 rigs, half a decade apart, ask for
 FIGURES = {"rest": "m", "motion": "m", "load": "m", "chattering": "V"}  # of a rig, in the order of its ratios
 CHATTERING_LIMIT, CHATTERING_PERIOD = 0.2, 0.02  # of the largest command, rms; s: what is faster is chattering
