@@ -6,7 +6,7 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
 
     TRACKING   the reference moves: release force 0, ramp gain 4, dead-band gain 1, loop gain 1
       -> HOLD                at rest, |v| of the model and as seen < C_V_FLOOR and |error| < C_HOLDING_BAND x dead-band
-                             gain; one that stands, < C_MOTION_STEP in C_MOTION_WINDOW: < 1.6 C_HOLDING_BAND
+                             gain; one that stands, < C_MOTION_STEP in C_MOTION_WINDOW: < 1.65 C_HOLDING_BAND
       -> RAMP or ELASTIC     at rest and outside that band, by [S_ELASTIC]
     a bumpless start within 2 C_HOLDING_BAND of the reference begins in HOLD (active_reference in operation.py)
     HOLD       [S_HOLD = 1] force frozen, valves shut while the pressures stay within C_PRESSURE_BAND, no lead of the
@@ -297,7 +297,8 @@ def update_hold(x_ref, s, c):
     error = math.fabs(x_ref - s[S_X])
     band = c[C_HOLDING_BAND] * s[S_DEADBAND_GAIN]
     stands = math.fabs(s[S_V]) * c[C_MOTION_WINDOW] < c[C_MOTION_STEP]
-    near = max(band, 1.6 * c[C_HOLDING_BAND]) if stands else band  # 0.8 of the tolerance; it is let go at 0.9
+    # 0.825 of the tolerance, let go at 0.9: of 10 counts, no whole number, at which a log's rounding would decide
+    near = max(band, 1.65 * c[C_HOLDING_BAND]) if stands else band
     if s[S_HOLD] < 0.5 and resting and error < near:
         enter_hold(s, c)
     elif not resting or error > 1.8 * band:

@@ -65,9 +65,19 @@ def _chamber_2(recording: Recording, rig: Rig) -> int:
 def _initial_opening(
     command: str, pressure: str, rig: Rig, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
 ) -> float:
-    """Return the opening before the recording: closed where neither pressure nor piston move at its start."""
-    moving = any(moves_at_start(raw[name], noise[name].rms) for name in (pressure, "x") if name in raw)
-    return float(raw[command][0] - rig.valve_null) if moving and command in raw else 0.0
+    """Return the opening before the recording: closed where nothing moves at its start.
+
+    A chamber as full as the supply, or as empty as the surroundings, rested, however soon a command moves it.
+    """
+    if command not in raw or pressure not in raw:
+        return 0.0
+    readings, rms = raw[pressure], noise[pressure].rms
+    supply = raw["p_supply"][0] if "p_supply" in raw else rig.supply_pressure
+    ends = [end for end in (rig.ambient_pressure, supply) if end is not None]
+    rested = any(abs(readings[0] - end) <= START_NOISES * rms for end in ends)
+    flows = moves_at_start(readings, rms) and not rested
+    slides = "x" in raw and moves_at_start(raw["x"], noise["x"].rms)
+    return float(raw[command][0] - rig.valve_null) if flows or slides else 0.0
 
 
 def moves_at_start(pressure: Array, noise: float) -> bool:
