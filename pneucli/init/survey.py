@@ -159,10 +159,11 @@ def _text_columns(reader: DelimitedReader, found: SniffedLayout) -> tuple[list[C
         columns.append(one if one.unit or not above else in_unit(one, read_unit(above)))
     by_place = {ask.position: values for ask, values in zip(labels, read[len(asks) :], strict=True)}
     columns = [with_unit_beside(one, by_place.get(ask.position + 1)) for ask, one in zip(asks, columns, strict=True)]
-    if not any(found.names):
-        before = (set(by_place.get(ask.position - 1, ())) for ask in asks)
-        named = zip(columns, before, strict=True)  # each row says what stands behind: "valve_V;5.00;p1_bar;1.02"
-        columns = [replace(one, name=str(*own)) if len(own) == 1 and not one.name else one for one, own in named]
+    if not any(found.names):  # each row says what stands behind: "valve_V;5.00;p1_bar;1.02"; one text is the rig's
+        before = [set(by_place.get(ask.position - 1, ())) for ask in asks]
+        if sum(len(own) == 1 for own in before) > 1:
+            named = zip(columns, before, strict=True)
+            columns = [replace(one, name=str(*own)) if len(own) == 1 and not one.name else one for one, own in named]
     return columns, {str(reader.names[place]): values for place, values in by_place.items()}
 
 
