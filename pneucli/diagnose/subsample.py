@@ -26,6 +26,15 @@ def subsample(recordings: Sequence[Recording], max_samples: int, horizon: float)
     return [segment for recording in recordings for segment in _segments(recording, size_limit, horizon)]
 
 
+def searched_samples(samples: int) -> int:
+    """Return to about how many of so many samples a search fits its models.
+
+    >>> searched_samples(150_000), searched_samples(250_000)
+    (150000, 100000)
+    """
+    return samples if samples <= MIN_REDUCTION * MAX_SAMPLES else MAX_SAMPLES
+
+
 def _common_size(sizes: Sequence[int], max_samples: int) -> int:
     """Return the size to which larger recordings are cut so that all together have at most ``max_samples``."""
     if sum(sizes) <= max_samples:

@@ -97,9 +97,8 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
         scores[one.position, one.signal] = scores.get((one.position, one.signal), 0.0) + one.weight
     scores = without_alike(scores, found.columns)
     for (n, signal), _ in sorted(scores.items(), key=lambda item: (item[1], -item[0][0], item[0][1]), reverse=True):
-        followed = [
-            m for m, one in taken.items() if "_ref" not in one + signal
-        ]  # what follows a reference well is no copy
+        # what follows a reference well is no copy
+        followed = [m for m, one in taken.items() if "_ref" not in one + signal]
         kin = (m for m in followed if m != clock and len({names[m].kind, names[n].kind} - {""}) < 2)
         again = (is_copy(found.columns[m].values, found.columns[n].values) for m in kin)
         if n not in taken and signal not in taken.values() and not any(again):

@@ -140,10 +140,10 @@ def _of_recordings(stage: str, context: Context) -> Workload:
     text, in_model = f"{_count(*_recordings(context))}, {samples:,} samples", len(context.config.model.effects)
     if stage != "diagnose":
         return Workload(f"{text}, {_count(in_model, 'effect')} in the model", (1 + in_model) * max(1, samples))
-    from pneucli.diagnose.subsample import MAX_SAMPLES  # noqa: PLC0415 - only a diagnosis needs it
+    from pneucli.diagnose.subsample import searched_samples  # noqa: PLC0415 - only a diagnosis needs it
 
     candidates = _candidates(context)
-    return Workload(f"{_count(*candidates)} on {text}", candidates[0] * min(max(1, samples), MAX_SAMPLES))
+    return Workload(f"{_count(*candidates)} on {text}", candidates[0] * searched_samples(max(1, samples)))
 
 
 def _recordings(context: Context) -> tuple[int, str]:

@@ -26,7 +26,6 @@ from pneucli.changes.repeatability import (
 from pneucli.changes.selection import attribute_changes
 from pneucli.config import load
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import NO_ITERATION, Fit, fit
 from pneucli.identify.estimation.model_fit import free_parameters
@@ -181,7 +180,7 @@ def write_missing_baseline(folder: Path) -> None:
         answers=staleness.read_answers(folder.parent, ["ingest"]),
         options=manifest.inputs.options,
     )
-    pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
+    pipeline = PipelineData.for_search(context)
     model = load_model(folder, pipeline.rig, pipeline.effects)
     effects = {n: e for n, e in pipeline.available_effects.items() if n not in pipeline.excluded_effects}
     train, held_out = (pipeline.residual_models(use) for use in ("train", "test"))

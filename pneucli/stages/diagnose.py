@@ -23,7 +23,7 @@ from pneucli.diagnose.free_run_error import (
     removed_error_share,
 )
 from pneucli.diagnose.score import ErrorsByUse
-from pneucli.diagnose.subsample import MAX_ERROR_SAMPLES, MAX_SAMPLES, MIN_REDUCTION
+from pneucli.diagnose.subsample import MAX_ERROR_SAMPLES
 from pneucli.diagnose.validity import lacks_p2
 from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.fit import Fit
@@ -79,7 +79,7 @@ def run(context: Context) -> dict[str, Any]:
 
     Raises InputError where no recording can be fitted, ``--exclude`` names what is no effect, or ``--since`` no model.
     """
-    pipeline = PipelineData(context).at_most(MAX_SAMPLES, by_at_least=MIN_REDUCTION)
+    pipeline = PipelineData.for_search(context)
     if not pipeline.recordings:
         from pneucli.stages.flow_diagnosis import diagnose_flow_only  # noqa: PLC0415 - few pipelines have a flow bench
 

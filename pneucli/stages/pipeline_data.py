@@ -11,7 +11,7 @@ from typing import Literal
 
 from pneucli.compare.free_run import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
-from pneucli.diagnose.subsample import subsample
+from pneucli.diagnose.subsample import MAX_SAMPLES, MIN_REDUCTION, subsample
 from pneucli.errors import InputError, require_known
 from pneucli.figure import to_json
 from pneucli.identify.guesses.base_model import guess_base_model
@@ -114,6 +114,11 @@ class PipelineData:
         """What is left out because it cannot be true: recordings, or single signals of them."""
         used = {(one.name, None) for one in chain(self.recordings, self.flow_recordings)}
         return [LeftOut(*part) for part in contradicted_parts(self.contradictions) if part not in used]
+
+    @classmethod
+    def for_search(cls, context: Context) -> PipelineData:
+        """Return the pipeline with the samples to which a search fits models: diagnosis, plan and baseline alike."""
+        return cls(context).at_most(MAX_SAMPLES, by_at_least=MIN_REDUCTION)
 
     def at_most(self, max_samples: int, *, by_at_least: float = 1.0) -> PipelineData:
         """Return the pipeline with at most so many samples; itself where it has at most ``by_at_least`` times that."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.config.recording_sources import plugin_files
-from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError, require_known
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
 from pneucli.figure import to_answer
@@ -389,7 +388,7 @@ def limits_too_narrow(where: str, refused: Sequence[RefusedManoeuvre]) -> InputE
 
 def diagnosed_pipeline(context: Context) -> Basis:
     """Return what the last diagnosis leaves open; raises InputError where no recording runs over time."""
-    pipeline = PipelineData(context, max_samples=MAX_SAMPLES)
+    pipeline = PipelineData.for_search(context)
     train = pipeline.residual_models("train")
     if not train:
         raise InputError(

@@ -31,7 +31,7 @@ from pneucli.physics.effects import catalogue_with_sides
 from pneucli.pipeline.context import Context
 from pneucli.plausibility.rig_check import contradictions
 from pneucli.simulate.model import Model
-from pneucli.stages import diagnose, identify, ingest
+from pneucli.stages import diagnose, identify, ingest, pipeline_data
 from pneucli.stages.diagnosis_answer import proposed_experiment
 from pneucli.stages.pipeline_data import PipelineData
 from tests.diagnose.candidates import candidate, diagnosis_data
@@ -88,7 +88,7 @@ def test_errors_of_long_recordings_are_those_of_the_whole(tmp_path: Path, monkey
             compared.append(sum(e.time.size for e in self.experiments))
             return super().__call__(model, reference)
 
-    monkeypatch.setattr(diagnose, "MAX_SAMPLES", 6500)
+    monkeypatch.setattr(pipeline_data, "MAX_SAMPLES", 6500)
     monkeypatch.setattr(diagnose, "FreeRunErrors", Errors)
     answer = diagnosed(FIXTURES / "friction_hysteresis" / "pipeline.toml", tmp_path)
     assert answer["thinned"]["used"] < 0.7 * answer["thinned"]["samples"]

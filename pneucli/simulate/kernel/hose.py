@@ -133,10 +133,10 @@ def between_entries(ring, tail: int, nxt: int, column: int, w):
     return ring[tail, column] + w * (ring[nxt, column] - ring[tail, column])
 
 
-def flow_before(q_in, q_out, more_in, more_out, ring, tail: int):
-    """Write the flows that the valves let through before the first entry of a ring, see :func:`line_step`."""
-    ring[tail, 1], ring[tail, 2] = max(q_in, 0.0), max(q_out, 0.0)
-    ring[tail, 3], ring[tail, 4] = max(more_in, 0.0), max(more_out, 0.0)
+def write_flows(q_in, q_out, more_in, more_out, ring, place: int):
+    """Write the flows of an entry of a ring without back-flow: delayed, it would oscillate as no hose does."""
+    ring[place, 1], ring[place, 2] = max(q_in, 0.0), max(q_out, 0.0)
+    ring[place, 3], ring[place, 4] = max(more_in, 0.0), max(more_out, 0.0)
 
 
 def line_step(t, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head: int, tail: int, tail_2: int):
@@ -158,9 +158,8 @@ def line_step(t, q_in, q_out, more_in, more_out, delay_1, delay_2, ring, head: i
     Returns:
         The four flows that arrive in the chambers in kg/s, and the new head and tails.
     """
-    # without back-flow: delayed, it would oscillate as no hose does
-    ring[head, 0], ring[head, 1], ring[head, 2] = t, max(q_in, 0.0), max(q_out, 0.0)
-    ring[head, 3], ring[head, 4] = max(more_in, 0.0), max(more_out, 0.0)
+    ring[head, 0] = t
+    write_flows(q_in, q_out, more_in, more_out, ring, head)
     if delay_1 > 0.0:
         q_in, q_out, _, _, tail = delayed_flows(ring, tail, t - delay_1)
     if delay_2 > 0.0:

@@ -5,13 +5,13 @@ import math
 from pneucli.physics.gas import flow_constant
 from pneucli.simulate.kernel.arrays import fixed, new_array, new_copy
 from pneucli.simulate.kernel.hose import (
-    flow_before,
     hose_bores,
     hose_delays,
     hose_step,
     line_step,
     longest_step,
     volume_beyond_hose,
+    write_flows,
 )
 from pneucli.simulate.kernel.ports import (
     bristle_stiffness,
@@ -190,6 +190,7 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
     for i in range(ring.shape[0]):
         ring[i, 0] = -1e30
     head, tail, tail_2 = 0, ring.shape[0] - 1, ring.shape[0] - 1
+    flowed_before = flags[INITIAL_U] != 0.0 or flags[INITIAL_U2] != 0.0
     s1, s2, s_supply = new_array((on_values.size,)), new_array((on_values.size,)), new_array((on_values.size,))
     for i in range(on_values.size):
         s1[i], s2[i] = flags[INITIAL_U], flags[INITIAL_U2]
@@ -275,10 +276,8 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
             if i == 0:
                 out[k, FLOW] = q_in - q_out
             if delay > 0.0:
-                if (
-                    k == 0 and i == 0 and (flags[INITIAL_U] != 0.0 or flags[INITIAL_U2] != 0.0)
-                ):  # nothing changed before
-                    flow_before(q_in, q_out, more_in, more_out, ring, tail)
+                if flowed_before and k == 0 and i == 0:
+                    write_flows(q_in, q_out, more_in, more_out, ring, tail)
                 q_in, q_out, more_in, more_out, head, tail, tail_2 = line_step(
                     time[k] + (i + 0.5) * h, q_in, q_out, more_in, more_out, wave_1, wave_2, ring, head, tail, tail_2
                 )
