@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
-from pneucli.identify.estimation.direct_starts import direct_base_friction
+from pneucli.identify.estimation.direct_starts import direct_base_friction, direct_guesses
 from pneucli.identify.estimation.fit import (
     FULL_CONVERGENCE,
     NO_ITERATION,
@@ -255,7 +255,9 @@ def fit_with_effect(
     if has_edge:
         return completed(min((draft_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost))
     promising = [ranked[0], *(test for test in ranked[1:] if test.direct and test.gain > 0.0)]
-    first = completed(min((draft_from_test(test, 1.0) for test in promising), key=lambda f: f.cost))
+    drafts = [draft_from_test(test, 1.0) for test in promising]
+    drafts += map(draft_from, _with_direct_friction(drafts[0], effect, affected))
+    first = completed(min(drafts, key=lambda f: f.cost))
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
         first = completed(draft_from_test(ranked[0], 0.05))
     for narrower in _with_narrower_overlaps(first.model, effect):  # by the play that was found
@@ -279,6 +281,28 @@ def _free_parameters_of(
 
 def _draft_of(stopping: StoppingRule) -> StoppingRule:
     return StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
+
+
+def _with_direct_friction(draft: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Iterator[Model]:
+    """Yield starts with the friction of the balance of forces where a law of the model ended beside its usual values.
+
+    Without bristles a break-away looks different: the law of the sliding piston may then describe another part of the
+    curve, with a velocity at its bound, and a fit that adds them does not return by itself.
+    """
+    facts = rig_quantities(draft.model, [one.experiment for one in residual_models])
+    for law in draft.model.effects:
+        if law.name != effect.name and _is_unusual(draft, law, facts):
+            yield from (with_parameters(draft.model, v) for v in direct_guesses(law, draft.model, residual_models))
+            return
+
+
+def _is_unusual(fitted: Fit, law: Effect, facts: RigQuantities) -> bool:
+    """Whether a law of friction that samples give directly has a parameter without a null beside its typical values."""
+    for p in (p for p in law.parameters if p.direct and p.null is None and law.part == "cylinder"):
+        typical, value = p.range_on(facts).typical, parameter_value(fitted.model, f"{law.name}.{p.name}")
+        if typical and not min(typical) <= value <= max(typical):
+            return True
+    return False
 
 
 def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
