@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.estimation.fit import fit
+from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, free_parameters
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, ResidualModel, residual_models
 from pneucli.identify.residuals.base import MAX_RESIDUAL, bounded_difference
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.model import with_parameters
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
 from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
@@ -38,6 +40,19 @@ def test_static_friction_is_met_at_break_aways(stribeck: FixtureExperiments):
 
 def leftover(view: ResidualModel, true: object) -> np.ndarray:
     return view.residual(true)["force"][view._breakaways_and_uncertain_direction[0] != 0.0]
+
+
+def test_an_effect_leads_a_law_of_friction_out_of_another_part_of_the_curve(stribeck: FixtureExperiments):
+    """The law describes how friction bends at high speed: a minimum that a fit does not leave by itself."""
+    true, experiments = stribeck
+    views, velocity = [ForceBalance(e) for e in experiments], true.values["stribeck.velocity"]
+    curve = {"friction.coulomb": 28.0, "stribeck.static": 6.0, "stribeck.velocity": 0.9}
+    start = with_parameters(true, curve)
+    bent = fit(start, views, free_parameters(start, views))
+    found = fit_with_effect(bent, views, catalogue()["constant-force"])
+    assert bent["stribeck.velocity"].value > 10.0 * velocity
+    assert found["stribeck.velocity"].value == pytest.approx(velocity, rel=0.1)
+    assert found.cost < 0.2 * bent.cost
 
 
 def test_a_lag_of_the_pressures_is_not_found_too_small(stribeck: FixtureExperiments):
