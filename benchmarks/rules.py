@@ -101,11 +101,6 @@ def of_best_fit(_: Function) -> Function:
     return lambda _data, candidates: function_of("equivalence.best_candidate")(candidates)
 
 
-def not_inferior_only(_: Function) -> Function:
-    """Replace what makes a rival indistinguishable by the test of its cost."""
-    return lambda rival, best: function_of("equivalence.not_inferior")(rival.full, best)
-
-
 def of_last_model(_: Function) -> Function:
     """Replace the intervals over models by those of the last one."""
     return lambda data, path: data.with_intervals(path.last)
@@ -178,7 +173,6 @@ RULES: Mapping[str, Rule] = {
     "dropped": Rule("selection._without_improbable", drop_none, speaks=lambda found, *_: bool(found[2])),
     "fewest parameters": Rule("equivalence.best_candidate", lowest_cost),
     "sensor fault last": Rule("equivalence._is_sensor_fault", gives(False), ("equivalence.best_candidate",)),
-    "negligible excess": Rule("equivalence.indistinguishable", not_inferior_only),
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
     "screen by gain": Rule("screening.score_test_screen", with_constant("MAX_BY_GAIN", 0)),

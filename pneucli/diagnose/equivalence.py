@@ -12,7 +12,6 @@ from pneucli.diagnose.evidence import score_gain
 from pneucli.diagnose.score import FittedModel, RecordingCost
 
 CHI2_95_ONE_PARAMETER = 3.84  # 0.95 quantile of chi-square with one degree of freedom
-NEGLIGIBLE_SHARE = 0.05  # of the cost, and of its reduction by an effect
 NOISE_COST_RATIO = 1.05  # times the cost of sensor noise alone: below this a channel shows noise alone
 
 
@@ -39,15 +38,6 @@ def not_inferior(fitted: FittedModel, best: FittedModel) -> bool:
     excess = fitted.cost - best.cost
     within_chance = excess < CHI2_95_ONE_PARAMETER * max(best.cost / max(best.residual_count, 1), 1.0)
     return within_chance or not score_gain(fitted.costs, best.costs).significant
-
-
-def indistinguishable(rival: Candidate, best: FittedModel) -> bool:
-    """Whether the data cannot distinguish a rival from the best model, with a white residual.
-
-    The excess cost is insignificant, or within the errors of the noise levels and of the initial states.
-    """
-    excess, reduction = rival.full.cost - best.cost, rival.reduced.cost - rival.full.cost
-    return not_inferior(rival.full, best) or excess < NEGLIGIBLE_SHARE * min(best.cost, reduction + excess)
 
 
 DISCREPANCY_READINGS = 10  # independent readings that an unmodelled effect is worth (docs/method.md)
@@ -77,7 +67,7 @@ class Term:
         is none.
         """
         if complete:
-            return [c for c in self.rivals if indistinguishable(c, self.candidate.full)]
+            return [c for c in self.rivals if not_inferior(c.full, self.candidate.full)]
         own = self.remaining_variance(data)
         return [c for c in self.rivals if _similar_variance(self.remaining_variance(data, c), own)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -242,8 +242,8 @@ def fit_with_effect(
         part = _fit_coarse_to_fine(start, affected, free, stopping=drafting, similar=similar, is_draft=has_similar)
         return _with_overlap_reestimated(part, affected, stopping=drafting, is_draft=has_similar)
 
-    def draft_from_test(test: ScoreTest, step_share: float) -> Fit:
-        return draft_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, step_share)))
+    def draft_from_test(test: ScoreTest, share: float = 1.0) -> Fit:
+        return draft_from(with_effect(model, effect, scaled_initial_guess(effect, test, model, quantities, share)))
 
     def completed(part: Fit) -> Fit:
         if has_similar:
@@ -253,22 +253,24 @@ def fit_with_effect(
         return merge_partial_fit(fitted, part, residual_models, chosen)
 
     if has_edge:
-        return completed(min((draft_from_test(test, 1.0) for test in ranked[:MAX_EDGE_STARTS]), key=lambda f: f.cost))
-    promising = [ranked[0], *(test for test in ranked[1:] if test.direct and test.gain > 0.0)]
-    drafts = [draft_from_test(test, 1.0) for test in promising]
-    drafts += map(draft_from, _with_direct_friction(drafts[0], effect, affected))
-    first = completed(min(drafts, key=lambda f: f.cost))
+        return completed(_cheapest(map(draft_from_test, ranked[:MAX_EDGE_STARTS])))
+    draft = _cheapest(draft_from_test(t) for t in ranked if t is ranked[0] or (t.direct and t.gain > 0.0))
+    first = completed(_cheapest([draft, *map(draft_from, _with_direct_friction(draft, effect, affected))]))
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
         first = completed(draft_from_test(ranked[0], 0.05))
     for narrower in _with_narrower_overlaps(first.model, effect):  # by the play that was found
-        first = min(first, completed(draft_from(narrower)), key=lambda f: f.cost)
+        first = _cheapest([first, completed(draft_from(narrower))])
     profile_minimum = lower_profile_minimum(first, residual_models, effect, quantities)
     if profile_minimum is not None:
-        first = min(first, completed(draft_from(first.model.with_values(profile_minimum))), key=lambda f: f.cost)
+        first = _cheapest([first, completed(draft_from(first.model.with_values(profile_minimum)))])
     refined = _refined_drafts(
         first, residual_models, chosen, effect, lambda start: fit(start, affected, free_in(start), stopping=drafting)
     )
-    return min([first, *map(completed, refined)], key=lambda f: f.cost)
+    return _cheapest([first, *map(completed, refined)])
+
+
+def _cheapest(fits: Iterable[Fit]) -> Fit:
+    return min(fits, key=lambda f: f.cost)
 
 
 def _free_parameters_of(
@@ -337,7 +339,7 @@ def _refined_drafts(
         limit = (1.0 - MIN_REFINEMENT_SHARE) * float(np.sum(fitted.residual[np.repeat(chosen, counts)] ** 2))
         if limit < counts[chosen].sum():  # hardly more than noise is left
             continue
-        draft = min(map(fit_from, starts), key=lambda f: f.cost)
+        draft = _cheapest(map(fit_from, starts))
         estimate, unrefined = draft[f"{effect.name}.{p.name}"], p.value_unrefined or 0.0
         differs = abs(estimate.value - unrefined) > REFINEMENT_SIGMA * estimate.error and not estimate.at_bound
         if differs and draft.cost < limit:
@@ -429,7 +431,7 @@ def _with_overlap_reestimated(
     refitted = _fit_coarse_to_fine(
         model, residual_models, free, stopping=stopping, similar=similar, own=overlaps, is_draft=is_draft
     )
-    return min(fitted, refitted, key=lambda f: f.cost)
+    return _cheapest([fitted, refitted])
 
 
 def _with_friction_reestimated(fitted: Fit, residual_models: Sequence[ResidualModel], *, stopping: StoppingRule) -> Fit:
@@ -438,7 +440,7 @@ def _with_friction_reestimated(fitted: Fit, residual_models: Sequence[ResidualMo
         return fitted
     starts = [with_parameters(fitted.model, v) for v in direct_base_friction(fitted.model, residual_models)]
     again = [fit(one, residual_models, _with_current_values(one, fitted.free), stopping=stopping) for one in starts]
-    return min([fitted, *again], key=lambda f: f.cost)
+    return _cheapest([fitted, *again])
 
 
 def free_parameters(model: Model, residual_models: Sequence[ResidualModel]) -> list[FreeParameter]:
