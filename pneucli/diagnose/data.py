@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.cross_validation import leave_one_out_models
@@ -39,6 +38,7 @@ from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, 
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.memory import filed, release_filed
+from pneucli.messages import compare
 from pneucli.messages.progress import fitting_progress, screening_progress
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
@@ -97,7 +97,7 @@ class DiagnosisData:
     free_run_errors: ErrorsOfModel | None = None
     implausible: bool = False
     run_refits: RunRefits = run_locally
-    judge_fit: Callable[[Fit], GoodnessOfFit | None] = field(default=lambda _: None)
+    judge_fit: Callable[[Fit], compare.LackOfFit | None] = field(default=lambda _: None)
 
     @cached_property
     def hypothesis_count(self) -> int:
