@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_flow import fit_flow_paths
 from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
-from pneucli.identify.valve.uncertainty import Budget
+from pneucli.messages.identify import Budget
 from pneucli.recording import Recording, Rig
 
 
@@ -33,7 +33,7 @@ class FlowBench:
     paths: tuple[FlowPath, ...]
     law: NoiseLaw
     rig: Rig
-    budgets: tuple[Budget, ...] = ()
+    budgets: Mapping[str, Budget] = field(default_factory=dict)
 
     @property
     def commands(self) -> Array:
