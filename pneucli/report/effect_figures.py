@@ -21,11 +21,10 @@ from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.report.figure import BLUE, GREY, ORANGE
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, restart_samples
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.outputs import simulate_outputs
-from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.switching import SwitchingValve

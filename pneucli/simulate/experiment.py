@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,83 @@ from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
 from pneucli.simulate.kernel_settings import GIVEN_MOTION_STEPS, max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import MeasuredMotion, Motion, MotionSmoother, missed_speed, smooth_inputs
-from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
-from pneucli.simulate.restarts import restart_samples
+
+Draw = TypeVar("Draw")
+
+MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording
+
+
+def draw_sensor_noise(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Draw the noise of every sensor once.
+
+    Args:
+        noise: Noise of each sensor.
+        time: Time stamps in s, shape (n,).
+        rng: Generator of random numbers.
+
+    Returns:
+        Noise of each sensor in the unit of its signal, each (n,).
+    """
+    return {name: model.draw(time, rng) for name, model in noise.items()}
+
+
+def cache_draws(
+    cache: dict[tuple[int, int], list[Draw]], key: tuple[int, int], drawn: Iterable[Draw], size: int
+) -> Iterable[Draw]:
+    """Return cached draws, or cache new ones where they fit.
+
+    Args:
+        cache: Draws by key.
+        key: Number of draws and seed.
+        drawn: New draws.
+        size: Number of floats of all draws.
+
+    Returns:
+        The draws of the key.
+    """
+    if key in cache:
+        return cache[key]
+    return cache.setdefault(key, list(drawn)) if 8 * size <= MAX_CACHE_BYTES else drawn
+
+
+MAX_GAP_PERIODS = 20  # sampling periods
+
+
+def restart_samples(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
+    """Return the samples at which the model restarts: periodically, and after each gap of the record.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        horizon: Time in s between restarts; None: at the start only.
+        shortest: Shortest time in s between restarts.
+
+    Returns:
+        Indices of samples, rising, the first 0.
+
+    >>> restart_samples(np.arange(0.0, 1.0, 0.01), 0.25)
+    array([ 0, 25, 50, 75])
+    """
+    period = float(np.median(np.diff(time)))
+    gaps = 1 + np.flatnonzero(np.diff(time) > MAX_GAP_PERIODS * period)
+    grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
+    return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
+
+
+def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return the number of samples of each segment, from one restart to the next.
+
+    Args:
+        restarts: Indices of the restarts, rising, shape (k,).
+        n: Number of samples.
+
+    Returns:
+        Number of samples of each segment, shape (k,).
+
+    >>> segment_lengths(np.array([0, 3]), 10)
+    array([3, 7])
+    """
+    return np.diff(np.append(restarts, n))
+
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
 MIN_STEP_RATIO = 4.0  # of longer steps, where these are taken for differences

@@ -10,7 +10,7 @@ from pneucli.arrays import Array
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, draw_sensor_noise, restart_samples
 from pneucli.simulate.kernel_settings import recording_flags
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import (
@@ -19,9 +19,7 @@ from pneucli.simulate.motion_smoother import (
     estimate_acceleration_delay,
     smooth_inputs,
 )
-from pneucli.simulate.noise_draws import draw_sensor_noise
 from pneucli.simulate.position_smoother import fit_position_smoother
-from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.velocity_integration import integrated_motion, without_constant_position
 
 SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")

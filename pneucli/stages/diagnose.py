@@ -12,8 +12,7 @@ from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
 from pneucli.diagnose.candidate import Candidate, Decision, Reason
-from pneucli.diagnose.cross_validation import folds_of
-from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.data import DiagnosisData, folds_of
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.free_run_error import (
     FreeRunErrors,

@@ -9,11 +9,10 @@ from typing import Any
 from pneucli.errors import InputError
 from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.correlation import draw_parameters
-from pneucli.identify.estimation.fit import Estimate, Fit, without_data
+from pneucli.identify.estimation.fit import Estimate, Fit, Iteration, report_iterations_to, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import as_valve_test, valve_driven

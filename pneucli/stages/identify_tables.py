@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from pneucli.figure import FIGURE_COLUMNS, Figure, named
 from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
-from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.identify.estimation.progress import Iteration
+from pneucli.identify.estimation.fit import Estimate, Fit, Iteration
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.lack_of_fit import LackOfFit

@@ -16,8 +16,8 @@ from pneucli.identify.residuals.force_balance import breakaway_velocities, uncer
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import segment_lengths
 from pneucli.simulate.model import Model
-from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.valve_forms.linear import LinearValve
 from tests.simulate.synthetic_experiments import RIG, VALVE, held_commands, make_experiment, model, time_grid
 

@@ -19,9 +19,9 @@ from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import cache_draws
 from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
-from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.run import base_vector, kernel_for

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pneucli.arrays import Array, Integers, Mask
-from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_flow import fit_flow_paths
-from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
+from pneucli.identify.valve.steady_rows import FlowRows, NoiseLaw, flow_deviation, flow_rows
 from pneucli.messages.identify import Budget
 from pneucli.recording import Recording, Rig
 
