@@ -415,7 +415,8 @@ class Experiment:
 
     def input_errors(self, noise: Mapping[str, Array]) -> Array:
         """Return the errors of the kernel's inputs (n, 8) from draws of the sensors' noise, each (n,)."""
-        motion = self.motion_smoother.errors(noise) if self.motion_smoother else None
+        is_uncertain = "x" in noise or "x" not in self.raw  # a position that was set has no noise
+        motion = self.motion_smoother.errors(noise) if self.motion_smoother and is_uncertain else None
         return smooth_inputs(noise, self.smoothers, motion, self.time)
 
     def resample_inputs(self, noise: Mapping[str, Array]) -> Array:

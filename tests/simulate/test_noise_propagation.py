@@ -11,7 +11,7 @@ from pneucli.simulate import experiment
 from pneucli.simulate.noise_propagation import sample_deviations
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid, typical_values
 
-NOISE = {"p1": NoiseModel(300.0, 0.0), "p2": NoiseModel(300.0, 0.0), "x": NoiseModel(0.0)}
+NOISE = {"p1": NoiseModel(300.0, 0.0), "p2": NoiseModel(300.0, 0.0)}
 E = replace(make_experiment("axis", time_grid(0.3), {"u": 1.0, "p1": 3e5, "p2": 2.5e5, "x": 0.1}), noise=NOISE)
 
 
