@@ -71,8 +71,7 @@ from benchmarks.score import essence, measured
 from pneucli.arrays import Array
 from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.cross_validation import folds_of
-from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.data import DiagnosisData, folds_of
 from pneucli.diagnose.decision import judge
 from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.free_run_error import FreeRunErrors
@@ -81,8 +80,7 @@ from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_c
 from pneucli.exam.conditions import parse
 from pneucli.exam.grading import BIN_EDGES, graded_cases
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
-from pneucli.exam.rig.excitations import closed_loop
-from pneucli.exam.rig.imposed_motion import MotionMachine
+from pneucli.exam.rig.excitations import MotionMachine, closed_loop
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.simulation import Excitation, simulate_rig
 from pneucli.figure import to_json

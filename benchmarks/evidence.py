@@ -25,16 +25,69 @@ from benchmarks.score import KEPT, SETS, package, source_digest
 from pneucli.diagnose.set_evidence import (
     KAPPA,
     PRIOR_ODDS,
+    SetProbability,
     VisitedSet,
-    family,
-    named,
-    presence,
     set_probabilities,
 )
 
 MIN_STATED, MAX_STATED = 0.003, 0.997  # probabilities, as both may state them
+MIN_NAMED = 0.5  # probability, from which on an effect, or one of several, is named
+MIN_TWIN, MAX_BOTH = 0.1, 0.1  # probability of a twin, and of both over that of the less probable one
+MAX_TWINS = 4
 Sides = tuple[Counts, Counts]
 Scores = tuple[float, float]
+
+
+def family(effect: str) -> str:
+    """Return the name of an effect without its chamber.
+
+    >>> family("chamber-leak:2")
+    'chamber-leak'
+    """
+    return effect.partition(":")[0]
+
+
+def families(one: SetProbability) -> frozenset[str]:
+    """Return the effects of a set without their chamber."""
+    return frozenset(map(family, one.visited.effects))
+
+
+def presence(sets: Sequence[SetProbability]) -> dict[str, float]:
+    """Return the probability of each family of effects: the share of the sets that contain it."""
+    names = sorted({name for one in sets for name in families(one)})
+    return {name: math.fsum(s.probability for s in sets if name in families(s)) for name in names}
+
+
+def named(sets: Sequence[SetProbability]) -> list[tuple[str, ...]]:
+    """Return the groups of families of which one is present with a probability of ``MIN_NAMED`` or more.
+
+    A group has first its most probable family, then those that replace it: the data hold one of them, hardly two.
+
+    >>> leak, hose = (VisitedSet((name,), {}, {}, 1.0) for name in ("chamber-leak:1", "line-delay"))
+    >>> named([SetProbability(leak, 3.0, 0.45), SetProbability(hose, 2.9, 0.4)])
+    [('chamber-leak', 'line-delay')]
+    """
+    probability = presence(sets)
+    ranked = sorted((name for name in probability if probability[name] >= MIN_TWIN), key=lambda n: -probability[n])
+    groups = list[tuple[str, ...]]()
+    while ranked:
+        group = [ranked.pop(0)]
+        for name in list(ranked):
+            if len(group) <= MAX_TWINS and all(_replace_each_other(sets, probability, name, own) for own in group):
+                group.append(name)
+        if _share(sets, set(group)) >= MIN_NAMED:
+            groups.append(tuple(group))
+            ranked = [name for name in ranked if name not in group]
+    return groups
+
+
+def _replace_each_other(sets: Sequence[SetProbability], probability: Mapping[str, float], one: str, other: str) -> bool:
+    both = math.fsum(s.probability for s in sets if {one, other} <= families(s))
+    return both < MAX_BOTH * min(probability[one], probability[other])
+
+
+def _share(sets: Sequence[SetProbability], names: set[str]) -> float:
+    return math.fsum(s.probability for s in sets if names & families(s))
 
 
 def visited_sets(path: Path) -> list[VisitedSet]:

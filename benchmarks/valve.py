@@ -57,8 +57,9 @@ from pneucli.identify.valve.identification import identify_valve
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit
-from pneucli.identify.valve.uncertainty import Budget, Measurement
+from pneucli.identify.valve.uncertainty import Measurement
 from pneucli.io.artifacts import read_table
+from pneucli.messages.identify import Budget
 from pneucli.noise import NoiseModel
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, FlowCharacteristics, iso_mass_flow
 from pneucli.pipeline.context import Context
@@ -294,7 +295,7 @@ def charge_rows(draws: int) -> Iterator[tuple[str, float, tuple[float, float], t
         errors = drawn_errors(u, draws)
         for c in (3.6e-9, 4e-10, 4e-11):
             budget = charge_budget(c, u)
-            low, high = next(one.factors for one in budget.contributions if one.factors)
+            low, high = next(one.factors for one in budget.sources if one.factors)
             states = [c * factor * errors for factor in thermal_factors(c, u)]
             at_bounds = float(np.quantile(c * low * errors, 0.025)), float(np.quantile(c * high * errors, 0.975))
             evenly = c * np.random.default_rng(4).uniform(low, high, draws) * errors
@@ -320,10 +321,10 @@ def steady_rows(draws: int) -> Iterator[tuple[str, float, tuple[float, float], t
     """Yield name, value, interval, ends of the draws and coverage of C, b, m of a steady bench."""
     bench = steady_bench()
     drawn = drawn_characteristics(bench, draws)
-    for i, one in enumerate(bench.budgets[:3]):
+    for i, (name, one) in enumerate([*bench.budgets.items()][:3]):
         low, high = np.quantile(drawn[:, i], [0.025, 0.975])
         value, known = one.figure.value, (one.figure.low, one.figure.high)
-        yield one.name, value, known, (float(low), float(high)), coverage(known, [drawn[:, i]])
+        yield name, value, known, (float(low), float(high)), coverage(known, [drawn[:, i]])
 
 
 def recorded_test(c: float, heat_transfer: float, seed: int = 1) -> Recording:

@@ -15,8 +15,8 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.compare.channel_errors import compare
 from pneucli.compare.expected_error import MOTION_CHANNELS, TAIL, ExpectedError, expected_errors
-from pneucli.compare.goodness_of_fit import GoodnessOfFit, is_judged, parameter_error_squares
-from pneucli.messages.compare import BAD_ERROR_RATIO, ChannelResult
+from pneucli.compare.goodness_of_fit import is_judged, parameter_error_squares, worst_channel
+from pneucli.messages.compare import BAD_ERROR_RATIO, ChannelResult, LackOfFit
 from pneucli.recording import Recording
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -71,13 +71,13 @@ def exceeds_limit(result: ChannelResult) -> bool:
     return result.ratio_limit is not None and result.ratio_to_noise > result.ratio_limit
 
 
-def judge_with_free_runs(judged: GoodnessOfFit | None, found: Sequence[ChannelResult]) -> GoodnessOfFit | None:
+def judge_with_free_runs(judged: LackOfFit | None, found: Sequence[ChannelResult]) -> LackOfFit | None:
     """Return the judgement of a model's error with that of its free runs; one beyond its limit is a lack of fit."""
     beyond = [r for r in found if exceeds_limit(r)]
-    if judged is None or judged.lacks or not beyond:
+    if judged is None or judged.present or not beyond:
         return judged
     worst = max(beyond, key=lambda r: r.ratio_to_noise / (r.ratio_limit or 1.0))
-    return replace(judged, p=min(judged.p, TAIL), lacks=True, undetermined=False, worst=worst)
+    return replace(judged, p=min(judged.p, TAIL), present=True, undetermined=False, worst=worst_channel(worst))
 
 
 def default_horizon(recordings: Sequence[Recording]) -> float:

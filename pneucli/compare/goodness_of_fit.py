@@ -29,7 +29,15 @@ from pneucli.compare.expected_error import (
     combined_distribution,
     noise_error,
 )
-from pneucli.messages.compare import BAD_ERROR_RATIO, GOOD_ERROR_RATIO, GOOD_TEST_ERROR_RATIO, ChannelResult
+from pneucli.figure import named
+from pneucli.messages.compare import (
+    BAD_ERROR_RATIO,
+    GOOD_ERROR_RATIO,
+    GOOD_TEST_ERROR_RATIO,
+    ChannelResult,
+    LackOfFit,
+    WorstChannel,
+)
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
@@ -125,35 +133,12 @@ SEED = 20262
 Squares = Sequence[Mapping[str, float]]  # for each recording, by channel
 
 
-@dataclass(frozen=True)
-class GoodnessOfFit:
-    """The judgement of a model's error.
-
-    ``use``: the recordings that it is judged by, ``test`` where there are any. ``error``: their printed error;
-    ``limit``: below which the model counts as correct. ``p``: the probability of so large an error, or of so large a
-    one of a single channel, if the model were correct and its parameters and the noise as uncertain as they are.
-    ``lacks``: the error exceeds what a correct model would show. ``undetermined``: the error is large, and the
-    parameters, or the noise, are too uncertain to tell why. ``worst``: the channel that a correct model explains least;
-    None where all are within it.
-    ``excused``: so many segments beside a break-away tell nothing of the model; the limit has room for what they add.
-    """
-
-    use: str
-    error: float
-    limit: float
-    p: float
-    lacks: bool
-    undetermined: bool
-    worst: ChannelResult | None
-    excused: int = 0
-
-
 def judge_fit(
     results: Sequence[Sequence[ChannelResult]],
     expected: Sequence[ExpectedError],
     parameter_squares: Callable[[], Squares],
     excused: Excused,
-) -> GoodnessOfFit | None:
+) -> LackOfFit | None:
     """Judge the errors of a model.
 
     Args:
@@ -179,8 +164,13 @@ def judge_fit(
     large = judged.with_excess(BAD_ERROR_RATIO)
     undetermined = noise_alone.p < TAIL and not lacks and error > large
     limit = min(judged.limit, max(noise_alone.limit, large))
-    worst = judged.worst if lacks else None
-    return GoodnessOfFit(use, error, limit, judged.p, lacks, undetermined, worst, excused.segments)
+    worst = worst_channel(judged.worst) if lacks and judged.worst else None
+    return LackOfFit(lacks, judged.p, undetermined, use, error, limit, excused.segments, worst)
+
+
+def worst_channel(result: ChannelResult) -> WorstChannel:
+    """Return the error of a channel as the judgement has it."""
+    return WorstChannel(**named(result, "recording channel ratio_to_noise"))
 
 
 class _Channel(NamedTuple):

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
-from pneucli.diagnose.cross_validation import leave_one_out_models
 from pneucli.diagnose.evidence import gain_p_value, relative_effect_sizes, replaced_base_parameters, wald_p_value
 from pneucli.diagnose.score import (
     Bounds,
@@ -32,17 +30,64 @@ from pneucli.diagnose.score import (
 from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
-from pneucli.identify.estimation.blocks import block_labels
+from pneucli.identify.estimation.blocks import GroupSums, block_labels, group_sums
 from pneucli.identify.estimation.fit import Fit, StoppingRule, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_with_effect, fit_without, refit
+from pneucli.identify.estimation.objective import LeastSquaresProblem
+from pneucli.identify.estimation.parameters import absent_value
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, score_tests
 from pneucli.identify.residuals import ResidualModel
 from pneucli.memory import filed, release_filed
+from pneucli.messages import compare
 from pneucli.messages.progress import fitting_progress, screening_progress
 from pneucli.physics.declaration import Effect
-from pneucli.simulate.model import Model
+from pneucli.simulate.model import Model, parameter_value
 from pneucli.simulate.rig_quantities import rig_quantities
+
+
+def folds_of(residual_models: Sequence[ResidualModel]) -> tuple[int, ...]:
+    """Return the fold of each residual model, one fold a recording; nothing for a single recording."""
+    names = [residual_model.experiment.recording.name for residual_model in residual_models]
+    fold_of = {name: i for i, name in enumerate(dict.fromkeys(names))}
+    return tuple(fold_of[name] for name in names) if len(fold_of) > 1 else ()
+
+
+def leave_one_out_models(fit: Fit, residual_models: Sequence[ResidualModel], folds: Sequence[int]) -> list[Model]:
+    """Return for each residual model the model fitted without its fold."""
+    problem = LeastSquaresProblem(fit.model, residual_models, fit.free, fit.initial_state_sensitivities)
+    sizes = [residual_model.experiment.time.size * len(residual_model.channels) for residual_model in residual_models]
+    rows = np.repeat(np.asarray(folds), sizes)
+    (sums,) = group_sums(fit.jacobian, fit.residual, [rows])
+    models = {fold: problem.model_at(parameters_without(fit, problem, sums, fold)) for fold in set(folds)}
+    return [models[fold] for fold in folds]
+
+
+def parameters_without(fit: Fit, problem: LeastSquaresProblem, sums: GroupSums, fold: int) -> Array:
+    """Return the fit's coordinates (k,) without a fold, from the scores and curvatures of each.
+
+    Parameters that the remaining recordings do not identify keep their value. An effect's own parameters are shrunk to
+    their null by one pseudo-observation of their size.
+    """
+    z = np.array([f.to_coordinate(parameter_value(fit.model, f.name)) for f in fit.free])
+    if not z.size:
+        return z
+    scores, curvatures = (np.delete(one, fold, axis=0).sum(axis=0) for one in sums)
+    prior = problem.prior_jacobian(z)
+    sizes = _distances_from_null(fit, z)
+    inverse_size = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
+    gradient = scores + prior.T @ problem.prior_residuals(z) + inverse_size
+    curvature = curvatures + prior.T @ prior + np.diag(inverse_size**2)
+    step = np.linalg.pinv(curvature, hermitian=True) @ gradient
+    return np.asarray(np.clip(z - step, *problem.bounds()))
+
+
+def _distances_from_null(fit: Fit, z: Array) -> Array:
+    """Return the distance of each parameter of an effect from its null (k,), 0 where it has none."""
+    effects = fit.model.effects
+    declared = {f"{e.name}.{p.name}": p for e in effects for p in e.in_model_with(effects).parameters}
+    nulls = [absent_value(declared[f.name], fit.model, f.upper) if f.name in declared else None for f in fit.free]
+    return np.array([0.0 if n is None else c - f.to_coordinate(n) for n, f, c in zip(nulls, fit.free, z, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -97,7 +142,7 @@ class DiagnosisData:
     free_run_errors: ErrorsOfModel | None = None
     implausible: bool = False
     run_refits: RunRefits = run_locally
-    judge_fit: Callable[[Fit], GoodnessOfFit | None] = field(default=lambda _: None)
+    judge_fit: Callable[[Fit], compare.LackOfFit | None] = field(default=lambda _: None)
 
     @cached_property
     def hypothesis_count(self) -> int:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import softmax
 
-from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
 from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate
 from pneucli.diagnose.candidate import Candidate, Decision
@@ -24,6 +23,8 @@ from pneucli.diagnose.set_evidence import SetProbability, set_probabilities
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.estimation.intervals import with_intervals_over_models
 from pneucli.identify.residuals import FreeRun
+from pneucli.messages import compare
+from pneucli.messages.compare import ExcessBalance
 from pneucli.messages.diagnose import Discrepancy, Shift
 
 Verdict = Literal["adequate", "missing-effect", "unexplained", "inconclusive"]
@@ -45,9 +46,8 @@ class Diagnosis:
 
     ``missing`` has the named effects in the order to add them, ``equivalents`` the indistinguishable effects of each
     added one, ``decisions`` one for every effect that the model lacked, the added ones first. ``fit`` is that of the
-    last model, with intervals over all models that the data allow; ``goodness_of_fit`` judges its printed error, and
-    ``balance_lack`` is the subsystem in which it errs most by more than noise, which the whole model may hide. ``sets``
-    are all fitted sets of effects, the most probable first; they decide nothing.
+    last model, with intervals over all models that the data allow; ``lack_of_fit`` judges its printed error.
+    ``sets`` are all fitted sets of effects, the most probable first; they decide nothing.
     """
 
     verdict: Verdict
@@ -62,8 +62,7 @@ class Diagnosis:
     confidence: Mapping[str, Confidence]
     evidence: Mapping[str, Evidence]
     discrepancies: tuple[Discrepancy, ...]
-    goodness_of_fit: GoodnessOfFit | None = None
-    balance_lack: LackOfFit | None = None
+    lack_of_fit: compare.LackOfFit | None = None
     sets: tuple[SetProbability, ...] = ()
 
 
@@ -105,8 +104,7 @@ def diagnose(data: DiagnosisData, base: Fit) -> Diagnosis:
         confidence=_confidence(decisions, judgements, shares),
         evidence={name: j.evidence for name, j in judgements.items()},
         discrepancies=tuple(describe_discrepancies(data, path.last.fit, [*path.test, *path.train])),
-        goodness_of_fit=judged,
-        balance_lack=next((one for one in unexplained if one.kind is not FreeRun), None),
+        lack_of_fit=_with_balance(judged, next((one for one in unexplained if one.kind is not FreeRun), None)),
         sets=tuple(set_probabilities([*data.visited.values()])),
     )
 
@@ -122,13 +120,19 @@ def _fit_over_models(data: DiagnosisData, path: SelectionPath) -> Fit:
     return with_intervals_over_models(data.with_intervals(path.last), sure)
 
 
-def _lack_of_last_model(path: SelectionPath, judged: GoodnessOfFit | None) -> Sequence[LackOfFit]:
+def _lack_of_last_model(path: SelectionPath, judged: compare.LackOfFit | None) -> Sequence[LackOfFit]:
     """Return the significant lack of fit of a path's last model, by subsystem, or else that of its printed error."""
     found = significant_lack_of_fit(path.train, path.test)
-    if found or judged is None or not judged.lacks or judged.worst is None:
+    if found or judged is None or not judged.present or judged.worst is None:
         return found
     ratio = judged.worst.ratio_to_noise  # which does not show where an error began
     return [LackOfFit(FreeRun, judged.worst.channel, ratio, ratio, ())]
+
+
+def _with_balance(judged: compare.LackOfFit | None, balance: LackOfFit | None) -> compare.LackOfFit | None:
+    if judged is None or balance is None:
+        return judged
+    return replace(judged, present=True, balance=ExcessBalance(balance.kind.title, balance.channel, balance.ratio))
 
 
 def _verdict(
@@ -136,7 +140,7 @@ def _verdict(
     unexplained: Sequence[LackOfFit],
     missing: Sequence[str],
     sizes: Sequence[MinimumDetectableEffect],
-    judged: GoodnessOfFit | None,
+    judged: compare.LackOfFit | None,
 ) -> Verdict:
     if data.implausible:
         return "inconclusive"

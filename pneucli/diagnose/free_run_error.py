@@ -11,7 +11,6 @@ from pneucli.compare.beyond_fitted import excess_beyond_fitted
 from pneucli.compare.expected_error import ExpectedError, combined_distribution, expected_errors
 from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import (
-    GoodnessOfFit,
     SegmentSquares,
     Squares,
     excused_error,
@@ -22,6 +21,7 @@ from pneucli.compare.goodness_of_fit import (
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Fit
+from pneucli.messages.compare import LackOfFit
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, with_parameters
 
@@ -78,7 +78,7 @@ class FreeRunErrors:
             found[use] = None if whole is None else whole.limit()
         return found
 
-    def judge(self, fitted: Fit) -> GoodnessOfFit | None:
+    def judge(self, fitted: Fit) -> LackOfFit | None:
         """Judge the errors of a fitted model by the uncertainty of its parameters; None where nothing is compared."""
         model, (own, expected) = fitted.model, self._errors(fitted.model)
         found = self._results_of(model, expected)

@@ -27,9 +27,6 @@ PRIOR_ODDS = 0.02  # of an effect
 MIN_DISTURBED_SHARE = 0.05  # of a channel's variance: a noise that is known to 3 % is no more exact
 MIN_SIZE = 0.1  # of the typical size, below which a smaller one is no less probable
 MAX_ROUNDS = 8  # in which the variances of the best set settle
-MIN_NAMED = 0.5  # probability, from which on an effect, or one of several, is named
-MIN_TWIN, MAX_BOTH = 0.1, 0.1  # probability of a twin, and of both over that of the less probable one
-MAX_TWINS = 4
 
 
 @dataclass(frozen=True)
@@ -45,11 +42,6 @@ class VisitedSet:
     sizes: Mapping[str, float]
     cost: float
 
-    @property
-    def families(self) -> frozenset[str]:
-        """The effects without their chamber."""
-        return frozenset(family(name) for name in self.effects)
-
 
 @dataclass(frozen=True)
 class SetProbability:
@@ -58,15 +50,6 @@ class SetProbability:
     visited: VisitedSet
     log_evidence: float
     probability: float
-
-
-def family(effect: str) -> str:
-    """Return the name of an effect without its chamber.
-
-    >>> family("chamber-leak:2")
-    'chamber-leak'
-    """
-    return effect.partition(":")[0]
 
 
 def set_probabilities(
@@ -100,44 +83,6 @@ def set_probabilities(
         SetProbability(visited[i], float(evidence[i] - evidence[base]), float(shares[i]))
         for i in np.argsort(-evidence, kind="stable")
     ]
-
-
-def presence(sets: Sequence[SetProbability]) -> dict[str, float]:
-    """Return the probability of each family of effects: the share of the sets that contain it."""
-    names = sorted({name for one in sets for name in one.visited.families})
-    return {name: math.fsum(s.probability for s in sets if name in s.visited.families) for name in names}
-
-
-def named(sets: Sequence[SetProbability]) -> list[tuple[str, ...]]:
-    """Return the groups of families of which one is present with a probability of ``MIN_NAMED`` or more.
-
-    A group has first its most probable family, then those that replace it: the data hold one of them, hardly two.
-
-    >>> leak, hose = (VisitedSet((name,), {}, {}, 1.0) for name in ("chamber-leak:1", "line-delay"))
-    >>> named([SetProbability(leak, 3.0, 0.45), SetProbability(hose, 2.9, 0.4)])
-    [('chamber-leak', 'line-delay')]
-    """
-    probability = presence(sets)
-    ranked = sorted((name for name in probability if probability[name] >= MIN_TWIN), key=lambda n: -probability[n])
-    groups = list[tuple[str, ...]]()
-    while ranked:
-        group = [ranked.pop(0)]
-        for name in list(ranked):
-            if len(group) <= MAX_TWINS and all(_replace_each_other(sets, probability, name, own) for own in group):
-                group.append(name)
-        if _share(sets, set(group)) >= MIN_NAMED:
-            groups.append(tuple(group))
-            ranked = [name for name in ranked if name not in group]
-    return groups
-
-
-def _replace_each_other(sets: Sequence[SetProbability], probability: Mapping[str, float], one: str, other: str) -> bool:
-    both = math.fsum(s.probability for s in sets if {one, other} <= s.visited.families)
-    return both < MAX_BOTH * min(probability[one], probability[other])
-
-
-def _share(sets: Sequence[SetProbability], names: set[str]) -> float:
-    return math.fsum(s.probability for s in sets if names & s.visited.families)
 
 
 def _log_prior(visited: VisitedSet, odds: float) -> float:

@@ -12,11 +12,17 @@ from typing import Literal
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.exam.rig.imposed_motion import MotionMachine, simulate_imposed_motion
+from pneucli.exam.rig.excitations import (
+    MotionMachine,
+    RowSensors,
+    SteadyRows,
+    measure_rows,
+    simulate_imposed_motion,
+    simulate_steady_rows,
+)
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
-from pneucli.exam.rig.steady_rows import RowSensors, SteadyRows, measure_rows, simulate_steady_rows
 
 # column, factor from SI, decimals
 CSV_COLUMNS = {

@@ -12,6 +12,8 @@ from pneucli.arrays import Array
 from pneucli.exam.conditions import Conditions
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import (
+    MotionMachine,
+    SteadyRows,
     back_and_forth_reference,
     closed_loop,
     single_acting,
@@ -21,10 +23,8 @@ from pneucli.exam.rig.excitations import (
     valve_staircase,
     valve_step,
 )
-from pneucli.exam.rig.imposed_motion import MotionMachine
 from pneucli.exam.rig.parameters import ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
-from pneucli.exam.rig.steady_rows import SteadyRows
 from pneucli.exam.rig_scaling import RigScaling
 
 STEP_COMMANDS = ((0.6, 1.2, 2.5, 4.0, 6.0, 8.0, 10.0), (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0))

@@ -161,7 +161,16 @@ class ExcessBalance:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The one judgement of a model's error, see :class:`pneucli.compare.goodness_of_fit.GoodnessOfFit`."""
+    """The one judgement of a model's error.
+
+    ``present``: the error exceeds what a correct model would show. ``use``: the recordings that it is judged by,
+    ``test`` where there are any. ``error``: their printed error; ``limit``: below which the model counts as correct.
+    ``p``: the probability of so large an error, or of so large a one of a single channel, if the model were correct and
+    its parameters and the noise as uncertain as they are. ``undetermined``: the error is large, and the parameters, or
+    the noise, are too uncertain to tell why. ``excused``: so many segments beside a break-away tell nothing of the
+    model; the limit has room for what they add. ``worst``: the channel that a correct model explains least; None where
+    all are within it. ``balance``: the subsystem that errs most by more than noise, which the whole model may hide.
+    """
 
     present: bool
     p: float
@@ -170,8 +179,8 @@ class LackOfFit:
     error: float
     limit: float
     excused: int
-    worst: WorstChannel | None
-    balance: ExcessBalance | None
+    worst: WorstChannel | None = None
+    balance: ExcessBalance | None = None
 
     @property
     def meaning(self) -> str:

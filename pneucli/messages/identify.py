@@ -284,7 +284,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class BudgetAnswer:
+class Budget:
     """The uncertainty budget of one result (GUM): its combined and its expanded (k = 2) uncertainty."""
 
     figure: Figure = field(metadata=flat("value unit interval:ci95"))
@@ -322,7 +322,7 @@ class Uncertainty:
     """The budgets of the characteristics by name."""
 
     coverage_factor: float
-    budgets: Mapping[str, BudgetAnswer]
+    budgets: Mapping[str, Budget]
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,7 @@ class Answer:
         return {label: one for label in ("valve", "valve_2") if (one := getattr(self, label)) is not None}
 
     @property
-    def budgets(self) -> Mapping[str, BudgetAnswer]:
+    def budgets(self) -> Mapping[str, Budget]:
         """The uncertainty budgets by the name of their result."""
         return self.uncertainty.budgets if self.uncertainty else {}
 
@@ -378,7 +378,7 @@ class Answer:
         yield from labelled("do", f"pneucli compare {file}")
 
 
-def largest_conductance(budgets: Mapping[str, BudgetAnswer]) -> tuple[str, BudgetAnswer] | None:
+def largest_conductance(budgets: Mapping[str, Budget]) -> tuple[str, Budget] | None:
     """Return name and budget of the largest C; None without one."""
     named = [(name, one) for name, one in budgets.items() if "sonic_conductance" in name]
     return max(named, key=lambda item: item[1].figure.value, default=None)

@@ -59,7 +59,7 @@ class Parameter:
             overlap.
         multiplies: The base parameter whose product with this one acts, with the parameters that have it as their
             null; the parameter is then a ratio
-            (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`), and its null is 0.
+            (:func:`pneucli.identify.estimation.fit.ratio_interval`), and its null is 0.
 
         stated: What a pipeline file may state of it outside ``[model]`` (:mod:`pneucli.config.pipeline_tables`).
 

@@ -21,10 +21,10 @@ from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.report.figure import BLUE, GREY, ORANGE
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, restart_samples
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.outputs import simulate_outputs
-from pneucli.simulate.restarts import restart_samples
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.switching import SwitchingValve
@@ -113,7 +113,8 @@ def _experiment(kind: Any, signals: dict[str, Array], rig: Rig = CYLINDER) -> Ex
     vessel = EXPERIMENT_KINDS[kind].vessel
     flags[at.CHAMBER_2], flags[at.U_MAX] = at.OPEN if vessel else at.CLOSED, 10.0
     recording = Recording(kind, kind, "train", TIME, signals, chamber_2=None if vessel else "closed")
-    return Experiment(recording, rig, signals, {}, {}, None, inputs, np.zeros(1, dtype=np.int64), flags)
+    motion = MeasuredMotion(recording.time) if "x" in signals else None
+    return Experiment(recording, rig, signals, {}, {}, motion, inputs, np.zeros(1, dtype=np.int64), flags)
 
 
 def _with_and_without(effect: Effect, experiment: Experiment) -> tuple[Experiment, dict[str, Array]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +18,94 @@ from pneucli.physics.ports import LEAK_PORTS
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, contact_side
-from pneucli.simulate.imposed_motion import MotionInputs, detect_reversals, motion_inputs, smooth_acceleration
 from pneucli.simulate.kernel_settings import GIVEN_MOTION_STEPS, max_filling_step, max_motion_step
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
-from pneucli.simulate.motion_smoother import MotionSmoother, input_errors, missed_speed
-from pneucli.simulate.noise_draws import cache_draws, draw_sensor_noise
-from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.simulate.restarts import restart_samples
-from pneucli.simulate.velocity_integration import IntegratedMotion
+from pneucli.simulate.motion_smoother import MeasuredMotion, Motion, MotionSmoother, missed_speed, smooth_inputs
+
+Draw = TypeVar("Draw")
+
+MAX_CACHE_BYTES = 16 << 20  # bytes, of one recording
+
+
+def draw_sensor_noise(noise: Mapping[str, NoiseModel], time: Array, rng: np.random.Generator) -> dict[str, Array]:
+    """Draw the noise of every sensor once.
+
+    Args:
+        noise: Noise of each sensor.
+        time: Time stamps in s, shape (n,).
+        rng: Generator of random numbers.
+
+    Returns:
+        Noise of each sensor in the unit of its signal, each (n,).
+    """
+    return {name: model.draw(time, rng) for name, model in noise.items()}
+
+
+def cache_draws(
+    cache: dict[tuple[int, int], list[Draw]], key: tuple[int, int], drawn: Iterable[Draw], size: int
+) -> Iterable[Draw]:
+    """Return cached draws, or cache new ones where they fit.
+
+    Args:
+        cache: Draws by key.
+        key: Number of draws and seed.
+        drawn: New draws.
+        size: Number of floats of all draws.
+
+    Returns:
+        The draws of the key.
+    """
+    if key in cache:
+        return cache[key]
+    return cache.setdefault(key, list(drawn)) if 8 * size <= MAX_CACHE_BYTES else drawn
+
+
+MAX_GAP_PERIODS = 20  # sampling periods
+
+
+def restart_samples(time: Array, horizon: float | None, shortest: float = 0.0) -> NDArray[np.int64]:
+    """Return the samples at which the model restarts: periodically, and after each gap of the record.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        horizon: Time in s between restarts; None: at the start only.
+        shortest: Shortest time in s between restarts.
+
+    Returns:
+        Indices of samples, rising, the first 0.
+
+    >>> restart_samples(np.arange(0.0, 1.0, 0.01), 0.25)
+    array([ 0, 25, 50, 75])
+    """
+    period = float(np.median(np.diff(time)))
+    gaps = 1 + np.flatnonzero(np.diff(time) > MAX_GAP_PERIODS * period)
+    grid = np.arange(0.0, time[-1] - time[0], max(horizon, shortest)) if horizon else np.zeros(1)
+    return np.unique(np.concatenate([np.searchsorted(time, time[0] + grid - 1e-9), gaps])).astype(np.int64)
+
+
+def segment_lengths(restarts: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Return the number of samples of each segment, from one restart to the next.
+
+    Args:
+        restarts: Indices of the restarts, rising, shape (k,).
+        n: Number of samples.
+
+    Returns:
+        Number of samples of each segment, shape (k,).
+
+    >>> segment_lengths(np.array([0, 3]), 10)
+    array([3, 7])
+    """
+    return np.diff(np.append(restarts, n))
+
 
 OUTPUT_COLUMNS = {"p1": at.R1, "p2": at.R2, "x": at.X, "v": at.V, "a": at.A, "temperature": at.GAS_T, "flow": at.FLOW}
 MIN_STEP_RATIO = 4.0  # of longer steps, where these are taken for differences
 LEAKS = {"leak_area", *LEAK_PORTS}  # ports of flows beside the valve's
 LATE_READINGS = {"sensor_lag", "sensor_delay"}  # ports at which pressures are only read later
 SMEAR_MEMORY_FACTOR = 3.0  # times the smoother's memory, over which it spreads a stop
+DIFFERENTIATION_BANDWIDTH_FACTOR = 4.0  # times the frequency of the low-pass, before differentiation
+RISE_TIME_FACTOR = 0.35  # rise time from 10 to 90 % of a step times the frequency of the low-pass
 MIN_SEGMENT_SMEARS = 4.0  # times ``smear_time``: in a shorter segment the error of the restart dominates
 
 
@@ -45,7 +119,7 @@ class Experiment:
         raw: Measured signals with gaps filled, each (n,).
         noise: Noise of each sensor.
         smoothers: Smoother of each signal.
-        motion_smoother: Smoother of the motion, None where there is none.
+        motion_smoother: What tells the motion from the readings; None where nothing does.
         inputs: Smoothed signals in the kernel's layout, shape (n, 8).
         restarts: Samples at which the state of the model is set to the smoothed measurement.
         flags: Switches of the kernel, shape (9,).
@@ -62,7 +136,7 @@ class Experiment:
     raw: Mapping[str, Array]
     noise: Mapping[str, NoiseModel]
     smoothers: Mapping[str, LocalPolynomialSmoother]
-    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None
+    motion_smoother: MeasuredMotion | None
     inputs: Array
     restarts: NDArray[np.int64]
     flags: Array
@@ -172,10 +246,16 @@ class Experiment:
         """The measured motion as inputs of a model on which it is imposed; no model changes it."""
         return motion_inputs(self)
 
+    @property
+    def measured_motion(self) -> Motion:
+        """The smoothed motion that was measured."""
+        assert self.motion_smoother is not None  # as motion_is_known tells
+        return self.motion_smoother.motion(self.motion_smoother.corrected(self.raw))
+
     @cached_property
     def acceleration(self) -> Array:
         """Acceleration in m/s^2, shape (n,): measured, or else what the measured position or velocity shows."""
-        return self.raw["a"] if "a" in self.raw else smooth_acceleration(self)
+        return self.raw["a"] if "a" in self.raw else self.measured_motion[2]
 
     def without_mechanics(self) -> Experiment:
         """Return the experiment with the measured motion imposed."""
@@ -233,7 +313,7 @@ class Experiment:
     @property
     def motion_is_known(self) -> bool:
         """Whether position, velocity or an integrable acceleration was recorded."""
-        return "x" in self.raw or isinstance(self.motion_smoother, IntegratedMotion)
+        return self.motion_smoother is not None
 
     @cached_property
     def smear_time(self) -> float:
@@ -333,6 +413,12 @@ class Experiment:
         """Draw the noise of every sensor once."""
         return draw_sensor_noise(self.noise, self.time, rng)
 
+    def input_errors(self, noise: Mapping[str, Array]) -> Array:
+        """Return the errors of the kernel's inputs (n, 8) from draws of the sensors' noise, each (n,)."""
+        is_uncertain = "x" in noise or "x" not in self.raw  # a position that was set has no noise
+        motion = self.motion_smoother.errors(noise) if self.motion_smoother and is_uncertain else None
+        return smooth_inputs(noise, self.smoothers, motion, self.time)
+
     def resample_inputs(self, noise: Mapping[str, Array]) -> Array:
         """Return inputs that other readings of the same run would give.
 
@@ -345,7 +431,7 @@ class Experiment:
         Returns:
             Inputs, shape (n, 8).
         """
-        inputs = self.inputs + input_errors(noise, self.smoothers, self.motion_smoother, self.time)
+        inputs = self.inputs + self.input_errors(noise)
         for name in self.smoothers.keys() - {"x"}:
             column = at.INPUTS.index(name)
             reading = self.inputs[:, column] + noise[name]
@@ -413,3 +499,89 @@ class SignalRanges(NamedTuple):
     low: float
     high: float
     period: float
+
+
+def imposed_motion(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> Motion:
+    """Return the imposed motion; derivatives that were not measured follow from x.
+
+    With a low-pass, x is filtered at ``DIFFERENTIATION_BANDWIDTH_FACTOR`` times its frequency before differentiation:
+    the filter of the comparison removes more, and differentiated noise would return through the sign of friction.
+
+    Args:
+        experiment: The experiment.
+        noise: Noise added to the readings, by signal, each (n,).
+
+    Returns:
+        Position in m, velocity in m/s, acceleration in m/s^2, each (n,).
+    """
+    motion, raw = experiment.motion_smoother, experiment.raw
+    assert motion is not None  # an imposed motion was measured
+    readings, disturbed = dict(motion.corrected(raw)), {"x"} if "x" in raw else raw.keys()
+    for name in disturbed & (noise or {}).keys():
+        readings[name] = readings[name] + (noise or {})[name]
+    if experiment.low_pass is not None and motion.differentiates:
+        readings["x"] = experiment.low_passed(readings["x"], DIFFERENTIATION_BANDWIDTH_FACTOR)
+        motion = MeasuredMotion(experiment.time)
+    return motion.motion(readings)
+
+
+class MotionInputs(NamedTuple):
+    """An imposed motion as inputs of the kernel (n, 8) and acceleration in m/s^2 (n,), and the speed in m/s below which
+    its direction is uncertain.
+    """
+
+    inputs: Array
+    acceleration: Array
+    standstill_speed: float
+
+
+def motion_inputs(experiment: Experiment, noise: Mapping[str, Array] | None = None) -> MotionInputs:
+    """Return the imposed motion as the inputs of a model.
+
+    Args:
+        experiment: The experiment.
+        noise: Noise added to the readings, by signal, each (n,).
+
+    Returns:
+        The inputs, in which x (m) and v (m/s) are those of the motion.
+    """
+    inputs = experiment.inputs.copy()
+    inputs[:, at.IN_X], inputs[:, at.IN_V], a = imposed_motion(experiment, noise)
+    return MotionInputs(inputs, a, standstill_speed(experiment, inputs[:, at.IN_V]))
+
+
+def detect_reversals(experiment: Experiment) -> NDArray[np.bool_]:
+    """Return the samples at which the direction of the measured motion is uncertain.
+
+    A reversal lasts from the last sample in one direction to the first in the other; sampling and smoothing shift it by
+    up to a period. A low-pass widens it by its rise time on both sides.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        True at a reversal, shape (n,); nowhere in a recording that would contain nothing else.
+    """
+    v, period = imposed_motion(experiment)[1], experiment.recording.period
+    uncertain = np.abs(v) <= standstill_speed(experiment, v)
+    moving = np.flatnonzero(~uncertain)
+    reversed_after = np.flatnonzero(np.diff(np.sign(v[moving])))
+    rise = 0 if experiment.low_pass is None else round(RISE_TIME_FACTOR / experiment.low_pass / period)
+    for last, first in zip(moving[reversed_after], moving[reversed_after + 1], strict=True):
+        uncertain[max(last - rise, 0) : first + rise + 1] = True
+    return uncertain if not uncertain.all() else np.zeros_like(uncertain)
+
+
+def standstill_speed(experiment: Experiment, v: Array) -> float:
+    """Return the speed below which the direction of the measured motion is uncertain.
+
+    Args:
+        experiment: The experiment.
+        v: Velocity in m/s, shape (n,).
+
+    Returns:
+        Speed in m/s.
+    """
+    period = experiment.recording.period
+    noise = experiment.noise["x"].rms / period if "x" in experiment.noise else 0.0
+    return float(min(max(noise, 1e-6), 0.05 * np.max(np.abs(v)) + 1e-9))

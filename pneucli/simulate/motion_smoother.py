@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -14,8 +15,6 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from pneucli.arrays import Array
 from pneucli.simulate import layout as at
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
-from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.simulate.velocity_integration import IntegratedMotion
 
 # times an accelerometer's noise, by which its integral errs: it misses what happens between two samples
 ACCELERATION_ERROR_FACTOR = 3.0
@@ -23,19 +22,58 @@ LATENESS_WINDOW_FACTOR = 5.0  # times the smoother's memory
 MAX_LATENESS_RESIDUAL_RATIO = 0.5  # of the squared difference
 
 
+Motion = tuple[Array, Array, Array]  # position in m, velocity in m/s, acceleration in m/s^2, each (n,)
+
+
 @dataclass(frozen=True)
-class MotionSmoother:
+class MeasuredMotion:
+    """The map from readings by signal to the motion; as it is here, what was not measured follows by differences.
+
+    The map is linear, so draws of the sensors' noise pass through it, too.
+
+    Attributes:
+        time: Time stamps in s, shape (n,).
+    """
+
+    differentiates: ClassVar[bool] = True  # nothing but the position tells the velocity
+    time: Array
+
+    @property
+    def memory(self) -> float:
+        """The time in s over which it spreads a stop."""
+        return 0.0
+
+    def motion(self, readings: Mapping[str, Array]) -> Motion:
+        """Return the motion that readings, each (n,), show."""
+        x, v = readings["x"], readings.get("v")
+        v = np.gradient(x, self.time) if v is None else v
+        return x, v, readings["a"] if "a" in readings else np.gradient(v, self.time)
+
+    def corrected(self, readings: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the readings, each (n,), that it was made for as it takes them: corrected for their rounding."""
+        return readings
+
+    def errors(self, noise: Mapping[str, Array]) -> Motion:
+        """Return the errors of the motion from draws of the sensors' noise, each (n,).
+
+        Where only a position sensor measures the motion, the part of the motion that its smoother misses is an error
+        too.
+        """
+        return self.motion(noise)
+
+
+@dataclass(frozen=True)
+class MotionSmoother(MeasuredMotion):
     """The map from position and acceleration to smoothed position, velocity and the accelerometer's bias.
 
     Each step obeys the integrated acceleration, which errs by its noise and by the jerk between two samples.
 
     Attributes:
-        time: Time stamps in s, shape (n,).
         x_noise: Standard deviation of the position's noise in m.
         a_noise: Standard deviation of the acceleration's noise in m/s^2.
     """
 
-    time: Array
+    differentiates: ClassVar[bool] = False
     x_noise: float
     a_noise: float
 
@@ -43,6 +81,11 @@ class MotionSmoother:
     def memory(self) -> float:
         """Time constant of the stationary smoother in s, at which x and a have equal weight."""
         return float(np.sqrt(self.x_noise / (ACCELERATION_ERROR_FACTOR * self.a_noise)))
+
+    def motion(self, readings: Mapping[str, Array]) -> Motion:
+        """Return the motion that readings of x and a show."""
+        x, v, _ = self(readings["x"], readings["a"])
+        return x, v, readings["a"]
 
     def __call__(self, x: Array, a: Array) -> tuple[Array, Array, float]:
         """Return x, v, both (n,), and the bias of a."""
@@ -155,52 +198,10 @@ def least_squares_motion(dt: Array, wx: float, wv: Array, wp: Array, x: Array, a
     return free[::2].copy(), free[1::2].copy(), bias
 
 
-def unrounded_readings(
-    raw: Mapping[str, Array], motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None
-) -> Mapping[str, Array]:
-    """Return the signals that a smoother of the motion is for: with a position (n,) corrected for its rounding.
-
-    Args:
-        raw: Readings by signal (SI), each (n,).
-        motion_smoother: The smoother, if any.
-    """
-    if not isinstance(motion_smoother, PositionSmoother):
-        return raw
-    return {**raw, "x": raw["x"] + motion_smoother.correction}
-
-
-def smooth_motion(
-    raw: Mapping[str, Array],
-    smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
-    time: Array,
-) -> tuple[Array, Array]:
-    """Smooth the motion.
-
-    Args:
-        raw: Signals, or draws of their noise, each (n,).
-        smoothers: Smoother of each signal.
-        motion_smoother: Smoother of the motion, if any.
-        time: Time stamps in s, shape (n,).
-
-    Returns:
-        Position in m and velocity in m/s, each (n,).
-    """
-    if isinstance(motion_smoother, IntegratedMotion):
-        return motion_smoother(raw)
-    if isinstance(motion_smoother, MotionSmoother):
-        return motion_smoother(raw["x"], raw["a"])[:2]
-    if motion_smoother is not None:
-        x, v, _ = motion_smoother(raw["x"])
-        return x, raw.get("v", v)
-    x = smoothers["x"](raw["x"]) if "x" in smoothers else raw["x"]
-    return x, raw["v"] if "v" in raw else np.gradient(raw["x"], time)
-
-
 def smooth_inputs(
     raw: Mapping[str, Array],
     smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
+    motion: Motion | None,
     time: Array,
 ) -> Array:
     """Smooth the inputs of the kernel.
@@ -208,43 +209,16 @@ def smooth_inputs(
     Args:
         raw: Signals, or draws of their noise, each (n,).
         smoothers: Smoother of each signal.
-        motion_smoother: Smoother of the motion, if any.
+        motion: The motion that they show, or its errors; None where none is known.
         time: Time stamps in s, shape (n,).
 
     Returns:
         Inputs in the kernel's layout, shape (n, 8).
     """
     inputs = np.zeros((time.size, len(at.INPUTS)))
-    has_motion = "x" in raw or isinstance(motion_smoother, IntegratedMotion)
     for column, name in enumerate(at.INPUTS):
-        if name in raw and not (has_motion and column in (at.IN_X, at.IN_V)):
+        if name in raw and not (motion and column in (at.IN_X, at.IN_V)):
             inputs[:, column] = smoothers[name](raw[name]) if name in smoothers else raw[name]
-    if has_motion:
-        inputs[:, at.IN_X], inputs[:, at.IN_V] = smooth_motion(raw, smoothers, motion_smoother, time)
+    if motion is not None:
+        inputs[:, at.IN_X], inputs[:, at.IN_V], _ = motion
     return inputs
-
-
-def input_errors(
-    noise: Mapping[str, Array],
-    smoothers: Mapping[str, LocalPolynomialSmoother],
-    motion_smoother: MotionSmoother | PositionSmoother | IntegratedMotion | None,
-    time: Array,
-) -> Array:
-    """Return the errors of the kernel's inputs from draws of the sensors' noise.
-
-    Where only a position sensor measures the motion, the part of the motion that its smoother misses is an error too.
-
-    Args:
-        noise: Noise of each sensor, each (n,).
-        smoothers: Smoother of each signal.
-        motion_smoother: Smoother of the motion, if any.
-        time: Time stamps in s, shape (n,).
-
-    Returns:
-        Errors in the kernel's layout, shape (n, 8).
-    """
-    errors = smooth_inputs(noise, smoothers, motion_smoother, time)
-    if isinstance(motion_smoother, PositionSmoother):
-        x, v, _ = motion_smoother.draw_error(noise["x"])
-        errors[:, at.IN_X], errors[:, at.IN_V] = x, noise.get("v", v)
-    return errors

@@ -8,9 +8,8 @@ import numpy as np
 
 from pneucli.arrays import Array, read_only
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, motion_inputs, standstill_speed
 from pneucli.simulate.force_clock import force_delay, recorded_late, with_force_in_time
-from pneucli.simulate.imposed_motion import motion_inputs, standstill_speed
 from pneucli.simulate.model import Model
 from pneucli.simulate.run import base_vector, kernel_for, simulate, with_inferred_pressures
 

@@ -20,7 +20,7 @@ for the multiplicative update of a variance component.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,6 +30,7 @@ from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.distributions import normal_tail
 from pneucli.noise import NORMAL_MAD, NoiseModel
+from pneucli.simulate.motion_smoother import MeasuredMotion, Motion
 
 Symmetric = tuple[float, float, float, float, float, float]  # xx, xv, xa, vv, va, aa
 
@@ -255,7 +256,7 @@ ROUGHNESS_PRIOR_COUNT = 30.0  # samples of the whole recording's roughness that 
 
 
 @dataclass(frozen=True)
-class PositionSmoother:
+class PositionSmoother(MeasuredMotion):
     """The linear map from readings of x, shape (n,), to position, velocity and acceleration.
 
     ``time`` in s, ``sigma`` the standard deviation of the sensor's noise in m, ``intensity`` (n - 1,) that of the
@@ -265,7 +266,6 @@ class PositionSmoother:
     smoother misses of the motion, over that of the jerk's process.
     """
 
-    time: Array
     sigma: float
     intensity: Array
     rounding: float = 0.0
@@ -295,6 +295,20 @@ class PositionSmoother:
         """Return position (m), velocity (m/s) and acceleration (m/s^2), each (n,)."""
         x_smooth, v, a = (self._smoothed((x - x[0]) / self.sigma) * self._units).T
         return x_smooth + x[0], v.copy(), a.copy()
+
+    def motion(self, readings: Mapping[str, Array]) -> Motion:
+        """Return the motion that readings of x show, with v as it was measured, where it was."""
+        x, v, a = self(readings["x"])
+        return x, readings.get("v", v), a
+
+    def corrected(self, readings: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the readings with x corrected for its rounding."""
+        return {**readings, "x": readings["x"] + self.correction}
+
+    def errors(self, noise: Mapping[str, Array]) -> Motion:
+        """Return a draw of the errors, with what is missed of the motion."""
+        x, v, a = self.draw_error(noise["x"])
+        return x, noise.get("v", v), a
 
     @cached_property
     def _variances(self) -> Array:

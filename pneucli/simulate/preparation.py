@@ -10,20 +10,17 @@ from pneucli.arrays import Array
 from pneucli.noise import NoiseModel, estimate_noise
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, draw_sensor_noise, restart_samples
 from pneucli.simulate.kernel_settings import recording_flags
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother, choose_windows
 from pneucli.simulate.motion_smoother import (
+    MeasuredMotion,
     MotionSmoother,
     estimate_acceleration_delay,
     smooth_inputs,
-    smooth_motion,
-    unrounded_readings,
 )
-from pneucli.simulate.noise_draws import draw_sensor_noise
-from pneucli.simulate.position_smoother import PositionSmoother, fit_position_smoother
-from pneucli.simulate.restarts import restart_samples
-from pneucli.simulate.velocity_integration import IntegratedMotion, integrated_motion, without_constant_position
+from pneucli.simulate.position_smoother import fit_position_smoother
+from pneucli.simulate.velocity_integration import integrated_motion, without_constant_position
 
 SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")
 MIN_SMOOTHED_SAMPLES = 80  # samples; fewer are taken as they are
@@ -56,11 +53,12 @@ def prepare(recording: Recording, rig: Rig, horizon: float | None, low_pass: flo
     motion_smoother = integrated_motion(recording, raw, noise, smoothers) or _motion_smoother(time, raw, noise)
     if isinstance(motion_smoother, MotionSmoother):
         raw["a"] = _without_delay(raw["x"], raw["a"], recording.period, motion_smoother)
-    inputs = smooth_inputs(unrounded_readings(raw, motion_smoother), smoothers, motion_smoother, time)
+    motion = motion_smoother.motion(motion_smoother.corrected(raw)) if motion_smoother else None
+    inputs = smooth_inputs(raw, smoothers, motion, time)
     standstill_speed = 0.0
-    if "x" in raw or isinstance(motion_smoother, IntegratedMotion):
+    if motion_smoother is not None:
         drawn = draw_sensor_noise(noise, time, np.random.default_rng(0))
-        noise_speed = float(np.std(smooth_motion(drawn, smoothers, motion_smoother, time)[1]))
+        noise_speed = float(np.std(motion_smoother.motion(drawn)[1]))
         standstill_speed = STANDSTILL_SIGMA * noise_speed
         inputs[np.abs(inputs[:, at.IN_V]) < standstill_speed, at.IN_V] = 0.0
     if rig.command_sign(recording.chamber) < 0.0:
@@ -110,13 +108,13 @@ def _smoothers(
     return {name: choose_windows(raw[name], noise[name], recording.period) for name in smoothed}
 
 
-def _motion_smoother(
-    time: Array, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]
-) -> MotionSmoother | PositionSmoother | None:
-    if time.size < MIN_SMOOTHED_SAMPLES or "x" not in raw:
+def _motion_smoother(time: Array, raw: Mapping[str, Array], noise: Mapping[str, NoiseModel]) -> MeasuredMotion | None:
+    if "x" not in raw:
         return None
+    if time.size < MIN_SMOOTHED_SAMPLES or ("a" not in raw and not noise["x"].rms):
+        return MeasuredMotion(time)
     if "a" not in raw:
-        return fit_position_smoother(time, raw["x"], noise["x"]) if noise["x"].rms else None
+        return fit_position_smoother(time, raw["x"], noise["x"])
     x_noise, a_noise = (
         max(noise[name].rms, share * float(np.std(raw[name])) or DEFAULT_NOISE[name])
         for name, share in MIN_RELATIVE_NOISE.items()

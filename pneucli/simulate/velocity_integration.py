@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from pneucli.errors import InputError
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.local_polynomials import LocalPolynomialSmoother
+from pneucli.simulate.motion_smoother import MeasuredMotion, Motion
 
 MIN_REST_SAMPLES = 9  # over which a rest is recognised
 REST_NOISE_RATIO = 1.5  # times the sensor's noise, beyond which the piston is not at rest
@@ -23,14 +25,14 @@ JUMP_ERROR_RATIO = 0.3  # of a jump in acceleration times the period: a uniform 
 
 
 @dataclass(frozen=True)
-class IntegratedMotion:
+class IntegratedMotion(MeasuredMotion):
     """The map from a measured v or a to position and velocity, each (n,); position counts from ``start`` (m).
 
     ``rest`` (n,) is where the accelerometer says that the piston rests; None where the velocity is measured, which
     ``smoother`` then smooths.
     """
 
-    time: Array
+    differentiates: ClassVar[bool] = False
     start: float
     rest: Mask | None = None
     smoother: LocalPolynomialSmoother | None = None
@@ -40,14 +42,15 @@ class IntegratedMotion:
         """The time in s over which it spreads a stop."""
         return self.smoother.memory if self.smoother else 0.0
 
-    def __call__(self, signals: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Return x and v of readings, or what draws of their noise become but for ``start``."""
+    def motion(self, readings: Mapping[str, Array]) -> Motion:
+        """Return the motion of readings, or what draws of their noise become but for ``start``."""
         if self.rest is None:
-            v = self.smoother(signals["v"]) if self.smoother else signals["v"]
+            v = self.smoother(readings["v"]) if self.smoother else readings["v"]
         else:
-            v = integrate_between_rests(self.time, signals["a"], self.rest)
+            v = integrate_between_rests(self.time, readings["a"], self.rest)
             v[self.rest] = 0.0
-        return self.start + _cumulative_integral(v, self.time), v
+        a = readings["a"] if "a" in readings else np.gradient(v, self.time)
+        return self.start + _cumulative_integral(v, self.time), v, a
 
 
 def _cumulative_integral(values: Array, time: Array) -> Array:

@@ -8,15 +8,13 @@ from dataclasses import replace
 
 from pneucli.compare.channel_errors import assess_purpose
 from pneucli.compare.free_run import exceeds_limit
-from pneucli.compare.goodness_of_fit import GoodnessOfFit
 from pneucli.config.stage_tables import Channel
-from pneucli.diagnose import adequacy as balances
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.leak_rate import leak_flows, pressure_losses
 from pneucli.identify.valve.uncertainty import DEFAULT_TEMPERATURE, Measurement
-from pneucli.messages.compare import ChannelResult, Divergence, ExcessBalance, LackOfFit, Purpose, WorstChannel
+from pneucli.messages.compare import ChannelResult, Divergence, Purpose
 from pneucli.messages.formatting import format_percent, format_signal
 from pneucli.messages.identify import Assumption, LeakArea, Leaks
 from pneucli.plausibility.required_inputs import assumptions, volumes_to_identify
@@ -132,21 +130,6 @@ def leaks_of(study: PipelineData, model: Model, estimates: list[Estimate]) -> Le
 def purpose_of(results: Sequence[ChannelResult], tolerances: Mapping[Channel, float]) -> Purpose | None:
     """Return whether the model serves its user; None where no channel can tell."""
     return assess_purpose(results, {str(channel): limit for channel, limit in tolerances.items()})
-
-
-def lack_of_fit(judged: GoodnessOfFit | None, balance: balances.LackOfFit | None = None) -> LackOfFit | None:
-    """Return the one judgement as the answers have it (interface, section 8); None where nothing was compared.
-
-    ``balance`` is the subsystem that errs by more than noise.
-    """
-    if judged is None:
-        return None
-    worst, present = judged.worst, judged.lacks or balance is not None
-    return LackOfFit(
-        *(present, judged.p, judged.undetermined, judged.use, judged.error, judged.limit, judged.excused),
-        None if worst is None else WorstChannel(worst.recording, worst.channel, worst.ratio_to_noise),
-        None if balance is None else ExcessBalance(balance.kind.title, balance.channel, balance.ratio),
-    )
 
 
 def divergences(found: Sequence[ChannelResult]) -> list[Divergence]:

@@ -50,7 +50,6 @@ from pneucli.stages import history
 from pneucli.stages.answer_parts import (
     FREE_RUN_KEYS,
     divergences,
-    lack_of_fit,
     purpose_of,
 )
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
@@ -155,7 +154,7 @@ def _judgement(
         lambda: parameter_error_squares(model, drawn, experiments),
         excused_error([c.segment_squares for c in comparisons], excess_beyond_fitted(comparisons), expected),
     )
-    return lack_of_fit(judge_with_free_runs(judged, whole)), whole
+    return judge_with_free_runs(judged, whole), whole
 
 
 def _model_inputs(study: PipelineData) -> tuple[str, ...]:

@@ -12,8 +12,7 @@ from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
 from pneucli.diagnose.candidate import Candidate, Decision, Reason
-from pneucli.diagnose.cross_validation import folds_of
-from pneucli.diagnose.data import DiagnosisData
+from pneucli.diagnose.data import DiagnosisData, folds_of
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.free_run_error import (
     FreeRunErrors,
@@ -55,7 +54,6 @@ from pneucli.stages import history
 from pneucli.stages.answer_parts import (
     divergences,
     figures_of,
-    lack_of_fit,
     per_vessel_volume,
     purpose_of,
 )
@@ -220,7 +218,7 @@ def _answer(pipeline: PipelineData, data: DiagnosisData, found: Diagnosis, impos
         explained_share=removed_error_share(errors[0], in_same_units),
         relative_error=relative_error(errors[0], in_same_units),
         purpose=purpose_of(data.free_run_errors.channels(selected), pipeline.context.config.compare.tolerance),
-        lack_of_fit=lack_of_fit(found.goodness_of_fit, found.balance_lack),
+        lack_of_fit=found.lack_of_fit,
         free_run=divergences(data.free_run_errors.free_runs(found.path.last.fit)),
         beyond_fitted=beyond,
         error_within_fitted=within,

@@ -16,18 +16,19 @@ from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_budget import with_flow_budgets
+from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
 from pneucli.io.artifacts import Tables, TableWriter
 from pneucli.messages.compare import ChannelResult, ModelAnswer
 from pneucli.messages.findings import tell
 from pneucli.messages.flow import Flow, FlowFinding, FlowResidual
 from pneucli.messages.flow import FlowPath as FlowPathAnswer
-from pneucli.messages.identify import Answer
+from pneucli.messages.identify import Answer, Uncertainty
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.pipeline.context import NotApplicable
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.answer_parts import assumed_values, measurement_of
-from pneucli.stages.identify_tables import budgets_answer, write_budgets, write_parameters
+from pneucli.stages.identify_tables import write_budgets, write_parameters
 from pneucli.stages.pipeline_data import PipelineData
 
 RATIO_PORT, LEAK_PORT = "critical_ratio", "leak_area"  # where effects act that rows of steady flow can show
@@ -71,7 +72,7 @@ def identify_flow_only(study: PipelineData) -> dict[str, Any]:
         assumed=assumed_values(study, set()),
         warnings=[*(one.text for one in flow.findings), *unused],
         flow=flow,
-        uncertainty=budgets_answer(bench.budgets),
+        uncertainty=Uncertainty(COVERAGE_FACTOR, bench.budgets),
     )
     return to_answer(answer)
 

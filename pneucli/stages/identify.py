@@ -9,11 +9,10 @@ from typing import Any
 from pneucli.errors import InputError
 from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.correlation import draw_parameters
-from pneucli.identify.estimation.fit import Estimate, Fit, without_data
+from pneucli.identify.estimation.fit import Estimate, Fit, Iteration, report_iterations_to, without_data
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
 from pneucli.identify.guesses.chamber_balance import Chamber
 from pneucli.identify.guesses.flow_paths import as_valve_test, valve_driven
@@ -23,12 +22,12 @@ from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
 from pneucli.identify.valve.identification import identify_valve
 from pneucli.identify.valve.result import ValveIdentification
-from pneucli.identify.valve.uncertainty import Budget
+from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
 from pneucli.io.artifacts import Tables
 from pneucli.messages.compare import ModelAnswer
 from pneucli.messages.findings import tell
 from pneucli.messages.formatting import format_number
-from pneucli.messages.identify import Answer
+from pneucli.messages.identify import Answer, Budget, Uncertainty
 from pneucli.pipeline.context import Context
 from pneucli.recording import Rig
 from pneucli.simulate.experiment import Experiment
@@ -45,7 +44,6 @@ from pneucli.stages.answer_parts import (
 )
 from pneucli.stages.flow_bench import flow_answer, flow_bench, flow_parameters, identify_flow_only, write_flow
 from pneucli.stages.identify_tables import (
-    budgets_answer,
     friction_answer,
     iso_parameters,
     valve_answer,
@@ -129,15 +127,15 @@ def _answer(
         valve_2=by_label.get("valve_2"),
         friction=None if friction is None else friction_answer(friction),
         flow=None if bench is None else flow_answer(bench),
-        uncertainty=budgets_answer(budgets) if budgets else None,
+        uncertainty=Uncertainty(COVERAGE_FACTOR, budgets) if budgets else None,
     )
 
 
-def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) -> list[Budget]:
+def all_budgets(valves: Sequence[ValveIdentification], bench: FlowBench | None) -> dict[str, Budget]:
     """Return the budgets of all characteristics; those of a steady bench replace those of the same command."""
-    of_bench = [] if bench is None else list(bench.budgets)
-    measured = {one.name for one in of_bench}
-    return [*(one for valve in valves for one in valve.budgets if one.name not in measured), *of_bench]
+    of_bench = {} if bench is None else bench.budgets
+    of_valves = {name: one for valve in valves for name, one in valve.budgets.items() if name not in of_bench}
+    return {**of_valves, **of_bench}
 
 
 def _smoothing_warnings(experiments: Sequence[Experiment]) -> list[str]:

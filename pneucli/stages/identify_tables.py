@@ -12,22 +12,18 @@ from numpy.typing import NDArray
 
 from pneucli.figure import FIGURE_COLUMNS, Figure, named
 from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
-from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.identify.estimation.progress import Iteration
+from pneucli.identify.estimation.fit import Estimate, Fit, Iteration
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
-from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR, Budget
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
 from pneucli.messages.identify import (
-    BudgetAnswer,
+    Budget,
     Friction,
     KineticLevel,
     MapResidual,
-    Source,
-    Uncertainty,
     Valve,
     ValveDeviation,
 )
@@ -39,7 +35,6 @@ MAX_TRAIN_RESIDUAL = 3.0  # times the noise: the limit of a good map on its own 
 MAX_TEST_TO_TRAIN = 2.0  # times the residual on fitted curves
 MODEL_POINTS = 401
 DEVIATION_KEYS = "model recording use channel rmsd noise unit percent"
-SOURCE_KEYS = "uncertainty unit sensitivity contribution bound factors"
 
 
 def write_parameters(found: Mapping[str, Figure], tables: Tables) -> None:
@@ -61,16 +56,16 @@ def write_parameter_relations(
     tables.write("iterations", "effects, search [1], round [1], residual [1]", walked)
 
 
-def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
+def write_budgets(budgets: Mapping[str, Budget], tables: Tables) -> None:
     """Write ``uncertainty_budget``: a row for each source of each result."""
     rows = [
         (
-            *(budget.name, budget.figure.unit, one.source, one.kind, one.unit, one.bound),
-            *(one.uncertainty, one.sensitivity, one.contribution, budget.share(one)),
+            *(name, budget.figure.unit, one.source, one.type_, one.unit, one.bound),
+            *(one.uncertainty, one.sensitivity, one.contribution, one.share),
             *(budget.figure.value, budget.combined, budget.expanded, budget.figure.low, budget.figure.high),
         )
-        for budget in budgets
-        for one in budget.contributions
+        for name, budget in budgets.items()
+        for one in budget.sources
     ]
     if rows:
         columns = (
@@ -80,22 +75,6 @@ def write_budgets(budgets: Sequence[Budget], tables: Tables) -> None:
             "ci_low [see column unit], ci_high [see column unit]"
         )
         tables.write("uncertainty_budget", columns, rows)
-
-
-def budgets_answer(budgets: Sequence[Budget]) -> Uncertainty:
-    """Return what ``identify`` says of the uncertainty, by the name of the result."""
-    return Uncertainty(COVERAGE_FACTOR, {one.name: _budget(one) for one in budgets})
-
-
-def _budget(budget: Budget) -> BudgetAnswer:
-    return BudgetAnswer(
-        **named(budget, "figure combined expanded propagated"),
-        calibration_not_stated=budget.not_stated,
-        sources=[
-            Source(one.source, one.kind, share=budget.share(one), **named(one, SOURCE_KEYS))
-            for one in budget.contributions
-        ],
-    )
 
 
 def friction_answer(friction: FrictionIdentification) -> Friction:

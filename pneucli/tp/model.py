@@ -15,8 +15,7 @@ from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.tp.hosvd import DEFAULT_TOLERANCE, Hosvd, Spectrum, contract, hosvd
 from pneucli.tp.sampling import as_grids, locate, require_finite
-from pneucli.tp.simplex import affine_frame
-from pneucli.tp.weights import Violation, WeightType, convex_weights, violations
+from pneucli.tp.weights import Violation, WeightType, affine_frame, convex_weights, violations
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

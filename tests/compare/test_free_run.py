@@ -11,7 +11,8 @@ from pneucli.compare import compare
 from pneucli.compare.beyond_fitted import BeyondFitted, beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import Comparison, channel_result
 from pneucli.compare.free_run import exceeds_limit, free_runs, judge_with_free_runs
-from pneucli.compare.goodness_of_fit import GoodnessOfFit
+from pneucli.compare.goodness_of_fit import worst_channel
+from pneucli.messages.compare import LackOfFit
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig, Use
 from pneucli.simulate.experiment import Experiment
@@ -80,11 +81,11 @@ def test_an_imposed_motion_has_no_free_run() -> None:
 
 def test_a_free_run_beyond_its_limit_is_a_lack_of_fit() -> None:
     (found,) = free_runs(tight(), [vessel(3e-4)], lambda: [])
-    good = GoodnessOfFit("train", 1.0, 1.2, 0.4, lacks=False, undetermined=False, worst=None)
+    good = LackOfFit(present=False, p=0.4, undetermined=False, use="train", error=1.0, limit=1.2, excused=0)
     judged = judge_with_free_runs(good, [found])
-    assert judged == replace(good, p=0.01, lacks=True, worst=found)
+    assert judged == replace(good, p=0.01, present=True, worst=worst_channel(found))
     assert judge_with_free_runs(good, [replace(found, ratio_limit=1e3)]) is good
-    bad = replace(good, error=5.0, p=1e-9, lacks=True)
+    bad = replace(good, error=5.0, p=1e-9, present=True)
     assert judge_with_free_runs(bad, [found]) is bad
 
 

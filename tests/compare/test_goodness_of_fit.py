@@ -14,7 +14,6 @@ from pneucli.compare.channel_errors import ChannelResult
 from pneucli.compare.expected_error import ExpectedError, expected_rms, noise_error
 from pneucli.compare.goodness_of_fit import (
     Excused,
-    GoodnessOfFit,
     SegmentSquares,
     Squares,
     excused_error,
@@ -23,6 +22,7 @@ from pneucli.compare.goodness_of_fit import (
     parameter_error_squares,
 )
 from pneucli.compare.residual_correlation import Correlation, confidence_bound, residual_correlations
+from pneucli.messages.compare import LackOfFit
 from pneucli.simulate.model import Model
 from pneucli.simulate.noise_propagation import sample_deviations
 from pneucli.simulate.valve_forms.area import ValveArea
@@ -44,7 +44,7 @@ def judged(
     squares: Squares | None = None,
     segments: list[SegmentSquares] | None = None,
     beyond_fitted: Squares | None = None,
-) -> GoodnessOfFit:
+) -> LackOfFit:
     """The judgement of recordings; each channel has many segments, so that chance is small, and they err alike."""
     rng = np.random.default_rng(3)
     drawn = rng.standard_normal((6, SEGMENTS)) ** 2 / SEGMENTS
@@ -62,8 +62,8 @@ def judged(
 @pytest.mark.parametrize(("use", "limit"), [("train", 1.2), ("test", 1.4)])
 def test_a_small_excess_is_immaterial_however_significant(use: str, limit: float) -> None:
     found = judged([result(limit - 0.01, use)])
-    assert (found.use, found.lacks, found.p, found.limit) == (use, False, 1.0, pytest.approx(limit, abs=0.05))
-    assert judged([result(limit + 0.2, use)]).lacks
+    assert (found.use, found.present, found.p, found.limit) == (use, False, 1.0, pytest.approx(limit, abs=0.05))
+    assert judged([result(limit + 0.2, use)]).present
 
 
 def test_the_printed_error_that_is_adequate_is_within_the_stated_limit() -> None:
@@ -71,14 +71,14 @@ def test_the_printed_error_that_is_adequate_is_within_the_stated_limit() -> None
         for uncertain in (0.0, 0.5, 2.0, 50.0):
             found = judged([result(error)], squares=[{"p1": uncertain}])
             assert found.error == pytest.approx(error)
-            assert found.lacks or found.undetermined or found.error <= found.limit
+            assert found.present or found.undetermined or found.error <= found.limit
 
 
 def test_held_out_recordings_are_judged_and_of_fitted_ones_single_pressures() -> None:
     found = judged([result(1.0)], [result(1.9, "train", recording="two")])
-    assert (found.use, found.error, found.lacks) == ("test", pytest.approx(1.0), False)
-    assert judged([result(1.0)], [result(2.5, "train", recording="two")]).lacks
-    assert judged([result(1.9, "train", recording="two")]).lacks
+    assert (found.use, found.error, found.present) == ("test", pytest.approx(1.0), False)
+    assert judged([result(1.0)], [result(2.5, "train", recording="two")]).present
+    assert judged([result(1.9, "train", recording="two")]).present
 
 
 def test_one_pressure_that_errs_counts_among_many_that_do_not() -> None:
@@ -86,7 +86,7 @@ def test_one_pressure_that_errs_counts_among_many_that_do_not() -> None:
     rows = [[result(1.0, recording=f"{i}")] for i in range(19)]
     found = judged(*rows, [result(2.5, recording="bad")])
     assert found.error < 1.4
-    assert found.lacks
+    assert found.present
     assert found.worst is not None
     assert found.worst.recording == "bad"
 
@@ -94,10 +94,10 @@ def test_one_pressure_that_errs_counts_among_many_that_do_not() -> None:
 def test_the_motion_of_one_recording_is_judged_with_all_others_alone() -> None:
     """A break-away that falls on the other side of a restart makes it err by several times the noise."""
     rows = [[result(0.5, channel="x", recording=f"{i}")] for i in range(40)]
-    assert not judged(*rows, [result(5.0, channel="x", recording="one")]).lacks
+    assert not judged(*rows, [result(5.0, channel="x", recording="one")]).present
 
 
-def with_break_aways(count: int, power: float) -> GoodnessOfFit:
+def with_break_aways(count: int, power: float) -> LackOfFit:
     """The judgement of two recordings of which so many segments err by ``power``, and all others by noise."""
     found = np.full((2, SEGMENTS), 0.5 / SEGMENTS)
     found.flat[:count] = power / SEGMENTS
@@ -109,25 +109,25 @@ def with_break_aways(count: int, power: float) -> GoodnessOfFit:
 def test_a_break_away_on_the_other_side_of_a_restart_is_excused_and_many_are_not() -> None:
     """The pressures of the segment follow its motion; the limit says how large an error is excused."""
     one, two, three = (with_break_aways(count, 2e3) for count in (1, 2, 3))
-    assert (one.lacks, one.excused, two.lacks, two.excused) == (False, 1, False, 2)
+    assert (one.present, one.excused, two.present, two.excused) == (False, 1, False, 2)
     assert 2.0 < one.error < two.error <= two.limit < 1.4 * two.error
-    assert (three.lacks, three.excused, three.limit < 2.1) == (True, 0, True)
+    assert (three.present, three.excused, three.limit < 2.1) == (True, 0, True)
 
 
 def test_segments_that_err_are_excused_where_the_motion_errs_alone() -> None:
     own = np.full(SEGMENTS, 0.5 / SEGMENTS)
     own[3] = 2e3 / SEGMENTS
     ratio = float(np.sqrt(own.sum()))
-    assert judged([result(ratio)], segments=[{"p1": own}]).lacks  # a vessel: no piston is there to break away
+    assert judged([result(ratio)], segments=[{"p1": own}]).present  # a vessel: no piston is there to break away
     assert [np.flatnonzero(found).tolist() for found in excused_segments([{"x": own}], [of_motion()])] == [[3]]
 
 
 def test_an_error_beyond_the_fitted_range_is_none_of_the_model_and_stands_in_the_limit() -> None:
     """Of a square of 25 nine tenths come from samples at which the model extrapolates."""
     found = judged([result(5.0)], beyond_fitted=[{"p1": 24.0}])
-    assert (found.lacks, found.excused) == (False, 0)
+    assert (found.present, found.excused) == (False, 0)
     assert 5.0 < found.limit < 5.2
-    assert judged([result(5.0)], beyond_fitted=[{"p1": 20.0}]).lacks
+    assert judged([result(5.0)], beyond_fitted=[{"p1": 20.0}]).present
 
 
 def test_segments_that_start_at_an_unknown_velocity_are_excused_whatever_their_number() -> None:
@@ -147,10 +147,10 @@ def of_motion(undetermined: Iterable[int] = ()) -> ExpectedError:
 
 def test_a_large_error_that_uncertain_parameters_may_cause_is_undetermined() -> None:
     found = judged([result(5.0)], squares=[{"p1": 30.0}])
-    assert (found.lacks, found.undetermined) == (False, True)
+    assert (found.present, found.undetermined) == (False, True)
     small = judged([result(1.8)], squares=[{"p1": 4.0}])
-    assert (small.lacks, small.undetermined) == (False, False)
-    assert judged([result(5.0)], squares=[{"p1": 0.5}]).lacks
+    assert (small.present, small.undetermined) == (False, False)
+    assert judged([result(5.0)], squares=[{"p1": 0.5}]).present
 
 
 def test_parameters_are_drawn_only_where_noise_does_not_explain_the_error() -> None:
@@ -203,7 +203,7 @@ def test_an_error_that_uncertain_noise_explains_is_no_lack() -> None:
     rows = [[result(1.6, "train")]]
     excused = excused_error([{"p1": np.full(4, 1.6**2 / 4)}], [{}], [known])
     found = [judge_fit(rows, [one], lambda: [{}], excused) for one in (known, guessed)]
-    assert [one.lacks for one in found if one] == [True, False]
+    assert [one.present for one in found if one] == [True, False]
     assert found[1] is not None
     assert found[1].limit > 1.6
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose import cross_validation
+from pneucli.diagnose import data
 from pneucli.identify.estimation.blocks import group_sums
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.parameters import FreeParameter
@@ -38,7 +38,7 @@ def linear(columns: np.ndarray, wanted: np.ndarray, values: dict[str, float]) ->
 
 def without(fit: Fit, problem: Any, fold: int) -> np.ndarray:
     (sums,) = group_sums(fit.jacobian, fit.residual, [TURN])
-    return cross_validation.parameters_without(fit, problem, sums, fold)
+    return data.parameters_without(fit, problem, sums, fold)
 
 
 def test_the_held_out_parameters_are_those_of_a_fit_to_the_others():
@@ -79,10 +79,13 @@ def test_holding_out_a_recording_without_information_changes_nothing():
 
 
 def test_each_recording_has_its_turn_and_its_views_share_it():
-    assert cross_validation.folds_of(
-        [residual_model("a"), residual_model("a"), residual_model("b"), residual_model("c")]
-    ) == (0, 0, 1, 2)
+    assert data.folds_of([residual_model("a"), residual_model("a"), residual_model("b"), residual_model("c")]) == (
+        0,
+        0,
+        1,
+        2,
+    )
 
 
 def test_a_single_recording_has_no_folds():
-    assert cross_validation.folds_of([residual_model("a"), residual_model("a")]) == ()
+    assert data.folds_of([residual_model("a"), residual_model("a")]) == ()

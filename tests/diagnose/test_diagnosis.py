@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +10,7 @@ from pneucli.diagnose import diagnosis
 from pneucli.diagnose.calibration import WEIGHTS_DISCREPANCY, presence_rate, probability
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.score import FittedModel
+from pneucli.messages.compare import LackOfFit, WorstChannel
 from tests.diagnose.selection_cases import data_of, named
 from tests.diagnose.synthetic_data import Facts, SyntheticData, alone, effect, synthetic_data
 
@@ -50,20 +50,23 @@ def test_effects_are_named_beside_what_no_effect_explains() -> None:
     assert (found.unexplained.channel, found.unexplained.ratio) == ("force", pytest.approx(3.0**0.5))
 
 
-def judged_as(data: SyntheticData, **judged: object) -> SyntheticData:
+def judged_as(data: SyntheticData, **judged: Any) -> SyntheticData:
     """The data with a judgement of the printed error of every model."""
-    worst = SimpleNamespace(channel="x", ratio_to_noise=3.0)
-    found: Any = SimpleNamespace(lacks=False, undetermined=False, worst=worst)
-    found.__dict__.update(judged)
-    return replace(data, judge_fit=lambda fitted: found)
+    worst = WorstChannel("one", "x", 3.0)
+    usual = LackOfFit(
+        present=False, p=1.0, undetermined=False, use="test", error=1.0, limit=1.2, excused=0, worst=worst
+    )
+    return replace(data, judge_fit=lambda fitted: replace(usual, **judged))
 
 
 def test_a_printed_error_beyond_noise_is_unexplained_however_well_each_subsystem_fits() -> None:
-    found = diagnosed(judged_as(stated(10.0, a=1.0), lacks=True))
-    assert (found.verdict, found.missing, found.balance_lack) == ("unexplained", ("a",), None)
+    found = diagnosed(judged_as(stated(10.0, a=1.0), present=True))
+    assert (found.verdict, found.missing) == ("unexplained", ("a",))
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit.balance is None
     assert found.unexplained is not None
     assert (found.unexplained.channel, found.unexplained.ratio) == ("x", 3.0)
-    assert diagnosed(judged_as(stated(0.0), lacks=True)).verdict == "unexplained"
+    assert diagnosed(judged_as(stated(0.0), present=True)).verdict == "unexplained"
 
 
 def test_a_large_error_that_uncertain_parameters_explain_is_no_adequate_model() -> None:
@@ -75,8 +78,10 @@ def test_a_large_error_that_uncertain_parameters_explain_is_no_adequate_model() 
 def test_a_subsystem_that_errs_is_named_beside_the_judgement() -> None:
     found = diagnosed(judged_as(stated(10.0, a=0.8)))
     assert found.verdict == "unexplained"
-    assert found.balance_lack is not None
-    assert found.balance_lack.channel == "force"
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit.present
+    assert found.lack_of_fit.balance is not None
+    assert found.lack_of_fit.balance.channel == "force"
 
 
 def test_without_a_named_effect_the_given_model_is_described() -> None:

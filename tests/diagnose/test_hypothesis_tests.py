@@ -6,7 +6,7 @@ import pytest
 
 from pneucli.diagnose import constraints
 from pneucli.diagnose.candidate import Reason, supported_candidates
-from pneucli.diagnose.hypothesis_tests import apply_tests
+from pneucli.diagnose.selection import apply_tests
 from tests.diagnose.candidates import candidate, diagnosis_data
 
 INSIDE = {"asymmetry": (0.2, False), "viscous_asymmetry": (0.1, False)}

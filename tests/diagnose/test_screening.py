@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose import screening as rounds
+from pneucli.diagnose import selection as rounds
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.score import FittedModel
 from pneucli.physics.effects import catalogue

@@ -12,9 +12,8 @@ from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import error_ratio, raises_held_out_error
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.decision import is_complete
-from pneucli.diagnose.hypothesis_tests import ALPHA
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.selection import SelectionPath, final_decisions, select_effects, unsearched_path
+from pneucli.diagnose.selection import ALPHA, SelectionPath, final_decisions, select_effects, unsearched_path
 from tests.diagnose.candidates import StatedErrors, candidate, model_fit
 from tests.diagnose.selection_cases import data_of, named, names_of, selection_cases
 

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from pneucli.diagnose.set_evidence import KAPPA, PRIOR_ODDS, VisitedSet, named, presence, set_probabilities
+from benchmarks.evidence import named, presence
+from pneucli.diagnose.set_evidence import KAPPA, PRIOR_ODDS, VisitedSet, set_probabilities
 
 READINGS = 10_000.0
 

@@ -8,9 +8,8 @@ import pytest
 from pneucli.exam.laboratory import RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
 from pneucli.exam.rig import gas, kernel, simulation
-from pneucli.exam.rig.imposed_motion import MotionMachine
+from pneucli.exam.rig.excitations import MotionMachine, SteadyRows
 from pneucli.exam.rig.simulation import Excitation
-from pneucli.exam.rig.steady_rows import SteadyRows
 
 
 @pytest.fixture

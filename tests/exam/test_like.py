@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.like import (
+from pneucli.exam.from_pipeline import (
     UserRecording,
     UserRig,
     excitation_for,
@@ -19,6 +17,8 @@ from pneucli.exam.like import (
     with_hidden_effect,
     write_like,
 )
+from pneucli.exam.graded_case import GradedCase
+from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import simulate_rig

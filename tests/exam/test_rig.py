@@ -14,10 +14,17 @@ from pneucli.exam import cases
 from pneucli.exam.cases import generate_case, plan_cases
 from pneucli.exam.conditions import parse
 from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
-from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_step
+from pneucli.exam.rig.excitations import (
+    REVERSAL_TIME,
+    MotionMachine,
+    closed_loop,
+    simulate_imposed_motion,
+    stick_slip,
+    two_sine_reference,
+    valve_step,
+)
 from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
 from pneucli.exam.rig.hose import hose_volume
-from pneucli.exam.rig.imposed_motion import REVERSAL_TIME, MotionMachine, simulate_imposed_motion
 from pneucli.exam.rig.kernel import P1, PS, T1, valve_flow
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
-from pneucli.identify.estimation.fit import Fit, fit
+from pneucli.identify.estimation.fit import Fit, Iteration, fit, report_iterations_to
 from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.identify.estimation.progress import Iteration, report_iterations_to
 from pneucli.identify.residuals import ChamberPressures, with_channel_weights
 from pneucli.noise import NoiseModel
 from tests.identify.test_fit import TIME, Line

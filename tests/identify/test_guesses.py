@@ -16,8 +16,8 @@ from pneucli.identify.residuals.force_balance import breakaway_velocities, uncer
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import segment_lengths
 from pneucli.simulate.model import Model
-from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.valve_forms.linear import LinearValve
 from tests.simulate.synthetic_experiments import RIG, VALVE, held_commands, make_experiment, model, time_grid
 
@@ -67,8 +67,7 @@ def test_an_unknown_mass_is_guessed_too() -> None:
 
 
 def test_all_recordings_count_and_those_without_position_do_not() -> None:
-    blind = pushed(coulomb=1e3)
-    del blind.raw["x"]
+    blind = replace(pushed(coulomb=1e3), motion_smoother=None)
     assert guess_friction([blind, pushed()], RIG)["friction.coulomb"] == pytest.approx(12.0, rel=1e-3)
     assert guess_friction([blind], RIG) == {}
     mean = guess_friction([pushed(coulomb=10.0), pushed(coulomb=20.0)], RIG)["friction.coulomb"]
@@ -311,7 +310,6 @@ class Read:
     """An experiment whose readings, smoothed, err by noise that falls to a half, and by its slope."""
 
     channels = ("p1", "p2")
-    motion_smoother = None
 
     def __init__(self) -> None:
         self.smoothers = dict.fromkeys(self.channels, lambda noise: 0.5 * noise)

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.fit import multiplied_level, parameter_estimates
+from pneucli.identify.estimation.fit import multiplied_level, parameter_estimates, ratio_interval
 from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
-from pneucli.identify.estimation.ratio_interval import ratio_interval
 from pneucli.physics.effects import catalogue
 from pneucli.quantities import Z95
 from pneucli.simulate.rig_quantities import rig_quantities

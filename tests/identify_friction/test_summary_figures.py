@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pneucli.figure import Figure
-from pneucli.identify.friction.identification import break_away, pressure_dependence, repeatability
-from pneucli.identify.friction.imposed_motion import KineticFriction
+from pneucli.identify.friction.identification import KineticFriction, break_away, pressure_dependence, repeatability
 from pneucli.identify.friction.kinematics import Motion
 
 AMBIENT = 1e5

@@ -16,12 +16,13 @@ from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.uncertainty import (
-    Budget,
-    Contribution,
     Measurement,
+    budget_from,
+    contribution,
     positive_interval,
     propagated_interval,
 )
+from pneucli.messages.identify import Budget
 from pneucli.recording import Calibration, Rig
 from tests.identify_valve.steady_bench import AMBIENT, as_recording, bench_rows
 from tests.simulate.synthetic_experiments import VALVE, model
@@ -51,7 +52,7 @@ def interval(budget: Budget) -> tuple[float, float]:
 
 
 def relative(budget: Budget) -> dict[str, float]:
-    return {one.source: one.contribution / budget.figure.value for one in budget.contributions}
+    return {one.source: one.contribution / budget.figure.value for one in budget.sources}
 
 
 def test_a_charge_test_without_any_statement_has_scatter_volume_temperature_and_thermal_state() -> None:
@@ -66,11 +67,11 @@ def test_a_charge_test_without_any_statement_has_scatter_volume_temperature_and_
     }
     assert budget.combined / C == pytest.approx(np.sqrt(0.003**2 + 0.005**2 + (0.5 / 293.15) ** 2))
     assert budget.expanded == 2.0 * budget.combined
-    (factors,) = [one.factors for one in budget.contributions if one.bound]
+    (factors,) = [one.factors for one in budget.sources if one.bound]
     assert factors is not None
     assert thermal * np.sqrt(12.0) == pytest.approx(factors[1] - factors[0])
     assert interval(budget) == pytest.approx(positive_interval(C, budget.combined / C, factors))
-    assert budget.not_stated == ("p1", "p_supply")
+    assert budget.calibration_not_stated == ("p1", "p_supply")
 
 
 def factors_of(c: float, u: float = 5.0, **values: Any) -> tuple[float, float]:
@@ -128,7 +129,7 @@ def test_an_area_that_the_curves_hardly_show_has_a_finite_budget() -> None:
     valve = charge_valve()
     valve.iso = (replace(valve.iso[0], C=Figure(C, 1e-205 * C, 1e200 * C)),)
     budget = budget_of(valve)
-    assert np.isfinite([budget.combined, *interval(budget), *(budget.share(one) for one in budget.contributions)]).all()
+    assert np.isfinite([budget.combined, *interval(budget), *(one.share for one in budget.sources)]).all()
     assert budget.figure.high >= 0.99e200 * C
 
 
@@ -167,10 +168,10 @@ def test_calibrations_act_where_the_equation_has_them(u: float, expected: dict[s
 
 
 def test_shares_of_all_sources_are_the_whole() -> None:
-    parts = tuple(Contribution(name, "B", 1.0, "1", s) for name, s in (("a", 3.0), ("b", -4.0)))
-    budget = Budget("y", Figure(1.0, 0.0, 2.0, "1"), parts)
-    assert (budget.combined, budget.expanded) == (5.0, 10.0)
-    assert [budget.share(one) for one in parts] == [pytest.approx(0.36), pytest.approx(0.64)]
+    parts = tuple(contribution(name, "B", 1.0, "1", s) for name, s in (("a", 3.0), ("b", -4.0)))
+    found = budget_from(Figure(1.0, 0.0, 2.0, "1"), parts)
+    assert (found.combined, found.expanded) == (5.0, 10.0)
+    assert [one.share for one in found.sources] == [pytest.approx(0.36), pytest.approx(0.64)]
 
 
 # --- steady bench
@@ -186,7 +187,7 @@ def steady(measurement: Measurement, **rows: Any) -> FlowBench:
 
 
 def test_a_gain_of_the_flow_meter_is_that_of_c_and_moves_neither_b_nor_m() -> None:
-    c, b, m = steady(Measurement({"flow": Calibration(gain=0.01)})).budgets
+    c, b, m = steady(Measurement({"flow": Calibration(gain=0.01)})).budgets.values()
     gain = "calibration of flow, gain"
     assert relative(c)[gain] == pytest.approx(0.01, rel=0.02)
     assert relative(b).get(gain, 0.0) < 1e-3
@@ -197,26 +198,26 @@ def test_a_gain_of_both_gauges_leaves_the_pressure_ratio_and_divides_c() -> None
     """C = q / p f(r): the sensitivities of both gauges together are -C, those of b and m together nothing."""
     gains = Measurement(dict.fromkeys(("p_supply", "p1"), Calibration(gain=0.005)))
     together = [
-        sum(one.sensitivity for one in budget.contributions if one.source.endswith("gain"))
-        for budget in steady(gains).budgets
+        sum(one.sensitivity for one in budget.sources if one.source.endswith("gain"))
+        for budget in steady(gains).budgets.values()
     ]
     assert together[0] / 1e-8 == pytest.approx(-1.0, rel=0.03)
     assert together[1:] == pytest.approx([0.0, 0.0], abs=0.02)
 
 
 def test_an_unrecorded_temperature_of_1_kelvin_is_half_of_its_share_in_c() -> None:
-    c, b, _ = steady(Measurement()).budgets
+    c, b, _ = steady(Measurement()).budgets.values()
     assert relative(c)["gas temperature"] == pytest.approx(0.5 / 293.15, rel=0.02)
     assert relative(b).get("gas temperature", 0.0) < 1e-3
-    assert c.not_stated == ("p_supply", "p1", "flow")
+    assert c.calibration_not_stated == ("p_supply", "p1", "flow")
 
 
 def test_the_interval_of_a_path_is_that_of_its_budget() -> None:
     bench = steady(Measurement({"flow": Calibration(gain=0.02)}))
     (path,) = bench.paths
-    for figure, budget in zip((path.C, path.b, path.m), bench.budgets, strict=True):
+    for figure, budget in zip((path.C, path.b, path.m), bench.budgets.values(), strict=True):
         assert (figure.low, figure.high) == interval(budget)
-    c = bench.budgets[0]
+    c = next(iter(bench.budgets.values()))
     assert path.C.high - path.C.value == pytest.approx(c.expanded, rel=0.03)
     assert path.C.high > 1.04 * path.C.value
 

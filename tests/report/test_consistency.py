@@ -15,7 +15,7 @@ from pneucli.report import figure, overview
 from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.error_location import _states
-from pneucli.report.thesis import friction as thesis_laws
+from pneucli.report.thesis import figures as thesis_laws
 from tests.report.bench import fallen, whole
 
 # the package has sections of the same names

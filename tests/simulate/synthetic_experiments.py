@@ -10,6 +10,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
+from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.valve_forms.area import ValveArea
 from pneucli.simulate.valve_forms.switching import SwitchingValve
@@ -68,7 +69,8 @@ def make_experiment(
     flags[at.VALVE_SHUT], flags[at.U_MAX] = valve_shut, 10.0
     recorded = {name: raw[name] for name in signals}
     recording = Recording("bench", kind, "train", time, recorded, chamber_2=chamber_2, valve_shut=valve_shut)
-    return Experiment(recording, rig, raw, {}, {}, None, inputs, np.array(restarts), flags)
+    motion = MeasuredMotion(time) if "x" in raw else None
+    return Experiment(recording, rig, raw, {}, {}, motion, inputs, np.array(restarts), flags)
 
 
 def time_grid(duration: float, period: float = 1e-3) -> np.ndarray:

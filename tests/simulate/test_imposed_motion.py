@@ -13,8 +13,7 @@ from pneucli.identify.residuals import ImposedMotion
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig
-from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed_motion import detect_reversals
+from pneucli.simulate.experiment import Experiment, detect_reversals
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import required_force
 from pneucli.simulate.position_smoother import PositionSmoother

@@ -10,6 +10,7 @@ from pneucli.identify.residuals import ForceBalance, ForceBalanceInferredPressur
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.outputs import required_force, simulate_outputs, with_estimated_pressures
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run, with_inferred_pressures
@@ -76,8 +77,8 @@ def test_the_offset_of_the_accelerometer_is_no_force(unread: tuple[Experiment, n
     assert with_estimated_pressures(true, tilted, e.inputs) != pytest.approx(
         with_estimated_pressures(true, e, e.inputs)
     )
-    assert required_force(biased, replace(tilted, motion_smoother=None)) == pytest.approx(
-        required_force(true, replace(e, motion_smoother=None))
+    assert required_force(biased, replace(tilted, motion_smoother=MeasuredMotion(e.time))) == pytest.approx(
+        required_force(true, replace(e, motion_smoother=MeasuredMotion(e.time)))
     )
 
 

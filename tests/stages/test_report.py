@@ -133,7 +133,7 @@ FOR_PROGRAMS = {
     *("config/key_reference.py", "config/load.py", "config/value_types.py", "units.py"),  # what a file may hold
     *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/writer.py"),  # TOML
     "init/survey.py",  # names of runs
-    *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py", "exam/like.py"),
+    *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py"),
     *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/plant.py"),
     *("fleet/output.py", "io/file_units.py", "stages/plan_take.py", "workbench/bench.py"),
     *(

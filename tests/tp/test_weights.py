@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.tp import WeightType, check, hosvd, sample, transform, weights
-from pneucli.tp import simplex as sx
 
 from .cases import CASES
 
@@ -78,9 +77,9 @@ def test_objectives_are_at_least_as_good_as_the_references(name):
     own, toolbox = case.summary("own_summary"), case.summary("summary")
     cno = transform(case.samples, case.grids, "cno").weights
     irno = transform(case.samples, case.grids, "irno").weights
-    assert sum(sx.distance_to_vertices(w) for w in cno) <= float(own["cno_hh0"]["sum_minus_log_colmax"]) + 1e-6
+    assert sum(weights.distance_to_vertices(w) for w in cno) <= float(own["cno_hh0"]["sum_minus_log_colmax"]) + 1e-6
     for w, maxima in zip(cno, numbers(toolbox["cno"]["colmax_per_mode"]), strict=True):
-        assert sx.distance_to_vertices(w) <= -np.sum(np.log(maxima)) + 1e-6
+        assert weights.distance_to_vertices(w) <= -np.sum(np.log(maxima)) + 1e-6
     for w, maxima in zip(irno, numbers(own["irno"]["colmax_per_mode"]), strict=True):
         assert w.max() >= max(maxima) - 1e-6
 
@@ -97,25 +96,25 @@ clouds = st.builds(
 @given(cloud=clouds, seed=st.integers(0, 2**32 - 1))
 def test_smallest_volume_does_not_change_when_the_points_are_rotated(cloud, seed):
     turn = np.linalg.qr(np.random.default_rng(seed).standard_normal((cloud.shape[1],) * 2))[0]
-    plain, turned = (sx.homogeneous(y) for y in (cloud, cloud @ turn))
-    smallest = [sx.log_reciprocal_volume(weights.smallest_simplices(h)[0]) for h in (plain, turned)]
+    plain, turned = (weights.homogeneous(y) for y in (cloud, cloud @ turn))
+    smallest = [weights.log_reciprocal_volume(weights.smallest_simplices(h)[0]) for h in (plain, turned)]
     assert smallest[0] == pytest.approx(smallest[1], abs=0.02)  # several local optima of a random cloud nearly tie
 
 
 @settings(max_examples=15, deadline=None)
 @given(cloud=clouds)
 def test_each_weight_type_is_best_by_its_own_criterion(cloud):
-    h = sx.homogeneous(cloud)
+    h = weights.homogeneous(cloud)
     smallest, closest, equal = (
         weights.smallest_simplices(h)[0],
         weights.closest_simplex(h),
         weights.equal_maxima_simplex(h),
     )
     assume(equal is not None)
-    others = [sx.regular_simplex(h), sx.tighten(h, sx.spanned_simplex(h)), closest, equal]
-    assert all(sx.log_reciprocal_volume(smallest) >= sx.log_reciprocal_volume(m) - 1e-3 for m in others)
+    others = [weights.regular_simplex(h), weights.tighten(h, weights.spanned_simplex(h)), closest, equal]
+    assert all(weights.log_reciprocal_volume(smallest) >= weights.log_reciprocal_volume(m) - 1e-3 for m in others)
     others[2] = smallest
-    assert all(sx.distance_to_vertices(h @ closest) <= sx.distance_to_vertices(h @ m) + 1e-3 for m in others)
+    assert all(weights.distance_to_vertices(h @ closest) <= weights.distance_to_vertices(h @ m) + 1e-3 for m in others)
 
 
 def test_type_no_exists_only_where_samples_span_a_simplex():

@@ -25,8 +25,7 @@ from pneucli.report.sections.comparison import channel_panel
 from pneucli.simulate.model import Model
 from pneucli.workbench import live_model
 from pneucli.workbench.live_model import gauss_newton_step
-from pneucli.workbench.questions import pack
-from pneucli.workbench.server import listen
+from pneucli.workbench.server import listen, pack
 from tests.workbench.conftest import Asked, Session
 
 Start = Callable[[Session], None]

@@ -16,8 +16,7 @@ from pneucli.identify.guesses.valve_areas import GUESS_BY_VALVE_FORM
 from pneucli.plausibility.required_inputs import volumes_to_identify
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed_motion import imposed_motion
+from pneucli.simulate.experiment import Experiment, imposed_motion
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import NO_VALVE
 

@@ -11,8 +11,7 @@ from pneucli.arrays import Array, Integers, read_only
 from pneucli.caches import compiled
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.restarts import segment_lengths
+from pneucli.simulate.experiment import Experiment, segment_lengths
 
 Chamber = Literal[1, 2]
 

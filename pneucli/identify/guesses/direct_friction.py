@@ -11,8 +11,7 @@ import numpy as np
 from pneucli.arrays import Array, Mask
 from pneucli.physics.vectorised import stribeck_friction
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.imposed_motion import imposed_motion
+from pneucli.simulate.experiment import Experiment, imposed_motion
 
 VELOCITY_GRID_POINTS = 24
 MIN_MOVING_SAMPLES = 100

@@ -19,10 +19,9 @@ from pneucli.identify.residuals.chambers import ChamberPressures
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
+from pneucli.simulate.experiment import cache_draws
 from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import input_errors, smooth_motion, unrounded_readings
-from pneucli.simulate.noise_draws import cache_draws
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
 from pneucli.simulate.position_smoother import PositionSmoother
 from pneucli.simulate.run import base_vector, kernel_for
@@ -112,7 +111,7 @@ class ForceBalance(ResidualModel):
 
     def _noise_realisation(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
         e, (a, removed_force) = self.experiment, self._acceleration_and_removed_force
-        shift = input_errors(noise, e.smoothers, e.motion_smoother, e.time)
+        shift = e.input_errors(noise)
         shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
         more = noise["a"] if "a" in noise else self._acceleration_error(noise, shift)
         return e.inputs + shift, (a + more, removed_force + self._removed_force(noise, shift))
@@ -131,8 +130,7 @@ class ForceBalance(ResidualModel):
     def _breakaways_and_uncertain_direction(self) -> tuple[Array, NDArray[np.bool_]]:
         """Velocities at break-aways (n,), and where the direction of motion is uncertain (n,)."""
         e = self.experiment
-        readings = unrounded_readings(e.raw, e.motion_smoother)
-        smoothed = smooth_motion(readings, e.smoothers, e.motion_smoother, e.time)[1]
+        smoothed = e.measured_motion[1]
         smear_samples = max(round(e.smear_time / e.recording.period), 1)
         breakaway = breakaway_velocities(
             e.inputs[:, at.IN_V],

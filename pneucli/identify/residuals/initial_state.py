@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.caches import compiled
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, segment_lengths
 from pneucli.simulate.model import Model
-from pneucli.simulate.restarts import segment_lengths
 from pneucli.simulate.run import recalled, simulate
 
 PRESSURE_COLUMNS = {"p1": at.IN_P1, "p2": at.IN_P2}

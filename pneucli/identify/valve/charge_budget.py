@@ -15,11 +15,12 @@ from pneucli.identify.valve.iso6358 import IsoConductance, thermal_state_is_know
 from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.uncertainty import (
     DEFAULT_RELATIVE_VOLUME,
-    Budget,
-    Contribution,
     Measurement,
+    budget_from,
+    contribution,
     positive_interval,
 )
+from pneucli.messages.identify import Budget, Source
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, REFERENCE_TEMPERATURE
 from pneucli.quantities import Z95
 from pneucli.recording import Calibration
@@ -74,14 +75,14 @@ def with_budgets(
         The valve.
     """
     fitted_volume = any(one.name == "rig.vessel_volume" for one in estimates)
-    budgets: list[Budget] = []
-    iso: list[IsoConductance] = []
-    for one in valve.iso:
-        if _has_interval(one.C):
-            budgets.append(budget_of_conductance(valve, one, measurement, fitted_volume=fitted_volume))
-            one = replace(one, C=budgets[-1].figure)  # noqa: PLW2901
-        iso.append(one)
-    return replace(valve, iso=tuple(iso), budgets=tuple(budgets))
+    budgets = {
+        one.u: budget_of_conductance(valve, one, measurement, fitted_volume=fitted_volume)
+        for one in valve.iso
+        if _has_interval(one.C)
+    }
+    iso = tuple(replace(one, C=budgets[one.u].figure) if one.u in budgets else one for one in valve.iso)
+    named = {f"{valve.label}.sonic_conductance({u:+.4g} V)": own for u, own in budgets.items()}
+    return replace(valve, iso=iso, budgets=named)
 
 
 def _has_interval(c: Figure) -> bool:
@@ -96,7 +97,7 @@ def budget_of_conductance(
     model, c = valve.model_gradient.model, one.C
     fills = one.u > 0.0
     relative = (math.log(c.high) - math.log(c.low)) / (2.0 * Z95)
-    scatter = Contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
+    scatter = contribution("scatter of the curves", "A", relative * c.value, UNIT, 1.0)
     stated = [*_geometry(model, c.value, measurement, fitted_volume=fitted_volume)]
     for signal in USED_SIGNALS[fills]:
         if (calibration := measurement.calibrations.get(signal)) is not None:
@@ -106,35 +107,31 @@ def budget_of_conductance(
     thermal = []
     if factors != (1.0, 1.0):
         width = (factors[1] - factors[0]) / math.sqrt(12.0)  # of a rectangle
-        thermal = [Contribution("thermal state", "B", width, "1", c.value, factors)]
+        thermal = [contribution("thermal state", "B", width, "1", c.value, factors)]
     missing = tuple(s for s in USED_SIGNALS[fills] if s not in measurement.calibrations)
-    return Budget(
-        f"{valve.label}.sonic_conductance({one.u:+.4g} V)",
-        Figure(c.value, *positive_interval(c.value, rest, factors), UNIT),
-        (scatter, *stated, *thermal),
-        missing,
-    )
+    figure = Figure(c.value, *positive_interval(c.value, rest, factors), UNIT)
+    return budget_from(figure, (scatter, *stated, *thermal), missing)
 
 
-def _geometry(model: Model, c: float, measurement: Measurement, *, fitted_volume: bool) -> Iterator[Contribution]:
+def _geometry(model: Model, c: float, measurement: Measurement, *, fitted_volume: bool) -> Iterator[Source]:
     """Yield volume and temperature: C goes with V and with the root of 1 / T."""
     volume, temperature = known_vessel_volume(model), model.base_values()["rig.gas_temperature"]
     if volume is not None and not fitted_volume:  # an identified volume is part of the scatter
         sigma = DEFAULT_RELATIVE_VOLUME * volume if measurement.volume_sigma is None else measurement.volume_sigma
-        yield Contribution("volume of the vessel", "B", sigma, "m^3", c / volume)
-    yield Contribution("gas temperature", "B", measurement.temperature_sigma, "K", -0.5 * c / temperature)
+        yield contribution("volume of the vessel", "B", sigma, "m^3", c / volume)
+    yield contribution("gas temperature", "B", measurement.temperature_sigma, "K", -0.5 * c / temperature)
 
 
-def _sensor(signal: str, calibration: Calibration, c: float, supply: float, *, fills: bool) -> Iterator[Contribution]:
+def _sensor(signal: str, calibration: Calibration, c: float, supply: float, *, fills: bool) -> Iterator[Source]:
     """Yield zero and gain of a pressure sensor.
 
     Of a path that fills, C = V dp1/dt / (n R T p_supply); of one that vents, p1 is upstream too and its gain cancels.
     """
     upstream = signal == "p_supply" or not fills
     if calibration.zero and upstream:
-        yield Contribution(f"calibration of {signal}, zero", "B", calibration.zero, "Pa", -c / supply)
+        yield contribution(f"calibration of {signal}, zero", "B", calibration.zero, "Pa", -c / supply)
     if calibration.gain and fills:
-        yield Contribution(f"calibration of {signal}, gain", "B", calibration.gain, "1", -c if upstream else c)
+        yield contribution(f"calibration of {signal}, gain", "B", calibration.gain, "1", -c if upstream else c)
 
 
 def _thermal_factors(model: Model, c: float, supply: float, *, fills: bool) -> tuple[float, float]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pneucli.arrays import Array, Integers, Mask
-from pneucli.identify.valve.flow_noise import NoiseLaw, flow_deviation
 from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_flow import fit_flow_paths
-from pneucli.identify.valve.steady_rows import FlowRows, flow_rows
-from pneucli.identify.valve.uncertainty import Budget
+from pneucli.identify.valve.steady_rows import FlowRows, NoiseLaw, flow_deviation, flow_rows
+from pneucli.messages.identify import Budget
 from pneucli.recording import Recording, Rig
 
 
@@ -33,7 +32,7 @@ class FlowBench:
     paths: tuple[FlowPath, ...]
     law: NoiseLaw
     rig: Rig
-    budgets: tuple[Budget, ...] = ()
+    budgets: Mapping[str, Budget] = field(default_factory=dict)
 
     @property
     def commands(self) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.lack_of_fit import LackOfFit
 from pneucli.identify.valve.maps import Coverage, GradientMap, InverseMap, invert_gradient
 from pneucli.identify.valve.model_gradient import ModelGradient
-from pneucli.identify.valve.uncertainty import Budget
+from pneucli.messages.identify import Budget
 from pneucli.simulate.model import Model
 
 MAX_GRADIENT_RATIO = 3.0  # times the steepest measured slope: a steeper map does not describe this valve
@@ -66,7 +67,7 @@ class ValveIdentification:
     max_measured_gradient: float
     coverage: Coverage
     model_gradient: ModelGradient
-    budgets: tuple[Budget, ...] = ()  # of its characteristics
+    budgets: Mapping[str, Budget] = field(default_factory=dict)  # of its characteristics
 
     @property
     def is_consistent(self) -> bool:

@@ -17,11 +17,12 @@ from pneucli.identify.valve.steady_flow import refit
 from pneucli.identify.valve.steady_rows import FlowRows
 from pneucli.identify.valve.uncertainty import (
     COVERAGE_FACTOR,
-    Budget,
-    Contribution,
     Measurement,
+    budget_from,
+    contribution,
     positive_interval,
 )
+from pneucli.messages.identify import Budget, Source
 
 Move = Callable[[FlowRows, float], FlowRows]
 FIGURES = (
@@ -48,15 +49,15 @@ def with_flow_budgets(
     Returns:
         The bench.
     """
-    paths, budgets = [], []
+    paths, budgets = [], dict[str, Budget]()
     for path in bench.paths:
         own = _path_budgets(path, bench, measurement, recorded)
-        budgets += [replace(one, name=f"valve.{one.name}{label(path)}") for one in own.values()]
+        budgets |= {f"valve.{name}{label(path)}": own[letter] for name, letter, _ in FIGURES if letter in own}
         changed = {
             letter: replace(getattr(path, letter), low=b.figure.low, high=b.figure.high) for letter, b in own.items()
         }
         paths.append(replace(path, **changed))
-    return replace(bench, paths=tuple(paths), budgets=tuple(budgets))
+    return replace(bench, paths=tuple(paths), budgets=budgets)
 
 
 def _path_budgets(
@@ -69,31 +70,31 @@ def _path_budgets(
     ]
     missing = tuple(s for s in SIGNALS if s in recorded and s not in measurement.calibrations)
     found = {}
-    for i, (name, letter, unit) in enumerate(FIGURES):
+    for i, (_, letter, unit) in enumerate(FIGURES):
         figure: Figure | None = getattr(path, letter)
         if figure is None:
             continue
         sources = [_scatter(path, i, figure, unit)]
         if figure.determined:  # what the rows do not determine no gauge changes
-            sources += [Contribution(s, "B", u, own, change[i] / u) for s, u, own, change in moved if change[i]]
+            sources += [contribution(s, "B", u, own, change[i] / u) for s, u, own, change in moved if change[i]]
         known = Figure(figure.value, *_interval(i, figure, sources), unit)
-        found[letter] = Budget(name, known, tuple(sources), missing)
+        found[letter] = budget_from(known, sources, missing)
     return found
 
 
-def _scatter(path: FlowPath, i: int, figure: Figure, unit: str) -> Contribution:
+def _scatter(path: FlowPath, i: int, figure: Figure, unit: str) -> Source:
     """Return the contribution of the rows' scatter: k times it has 95 % of Student's t."""
     scale = path.C.value if i == 0 else 1.0
     uncertainty = path.quantile / COVERAGE_FACTOR * math.sqrt(max(path.covariance[i, i], 0.0)) * scale
     if figure.determined and (i < 3 or uncertainty > 0.0):
-        return Contribution("scatter of the rows", "A", uncertainty, unit, 1.0)
+        return contribution("scatter of the rows", "A", uncertainty, unit, 1.0)
     if not figure.determined:
-        return Contribution("typical values of valves", "B", uncertainty, unit, 1.0)
+        return contribution("typical values of valves", "B", uncertainty, unit, 1.0)
     between = (figure.high - figure.low) / math.sqrt(12.0)
-    return Contribution("between shut and open rows", "B", between, unit, 1.0)
+    return contribution("between shut and open rows", "B", between, unit, 1.0)
 
 
-def _interval(i: int, figure: Figure, sources: Sequence[Contribution]) -> tuple[float, float]:
+def _interval(i: int, figure: Figure, sources: Sequence[Source]) -> tuple[float, float]:
     """Return the value with its expanded uncertainty; what the fit found one-sided stays so, and grows."""
     own, rest = sources[0], math.hypot(*(one.contribution for one in sources[1:]), 0.0)
     if i == 0:

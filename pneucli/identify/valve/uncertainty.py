@@ -17,14 +17,15 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr
 
 from pneucli.figure import Figure
+from pneucli.messages.identify import Budget, Source
 from pneucli.recording import Calibration
 
 COVERAGE_FACTOR = 2.0  # k of the expanded uncertainty: 95 % of a normal distribution
@@ -33,11 +34,17 @@ DEFAULT_RELATIVE_VOLUME = 0.005  # of a stated volume whose sigma is not stated:
 QUADRATURE_POINTS = 200  # over a rectangle: a normal distribution narrower than a hundredth of it is widened to that
 
 
-@dataclass(frozen=True)
-class Contribution:
-    """One source of uncertainty.
+def contribution(
+    source: str,
+    kind: Literal["A", "B"],
+    uncertainty: float,
+    unit: str,
+    sensitivity: float,
+    factors: tuple[float, float] | None = None,
+) -> Source:
+    """Return one source of uncertainty; its share is that of :func:`budget_from`.
 
-    Attributes:
+    Args:
         source: What is uncertain.
         kind: ``A`` from the scatter of observations, ``B`` from anything else.
         uncertainty: Standard uncertainty of the source, in ``unit``.
@@ -46,62 +53,28 @@ class Contribution:
         factors: Of a bounded source: the least and the largest factor on the result. Nothing is known of the factor but
             its bounds, so that no distribution of it is right; ``uncertainty`` is that of a rectangle (GUM 4.3.8).
     """
-
-    source: str
-    kind: Literal["A", "B"]
-    uncertainty: float
-    unit: str
-    sensitivity: float
-    factors: tuple[float, float] | None = None
-
-    @property
-    def bound(self) -> bool:
-        """Whether the source lies anywhere between two bounds."""
-        return self.factors is not None
-
-    @property
-    def contribution(self) -> float:
-        """Standard uncertainty of the result from this source, in the result's unit."""
-        return abs(self.sensitivity) * self.uncertainty
+    size, is_bound = abs(sensitivity) * uncertainty, factors is not None
+    return Source(source, kind, uncertainty, unit, sensitivity, size, math.nan, is_bound, factors)
 
 
-@dataclass(frozen=True)
-class Budget:
-    """The uncertainty of one result.
+def budget_from(figure: Figure, sources: Sequence[Source], not_stated: Sequence[str] = ()) -> Budget:
+    """Return the uncertainty of one result.
 
-    Attributes:
-        name: Name of the result, as in ``parameters.parquet``.
+    Args:
         figure: What is printed: the value +- the expanded uncertainty, from the lower to the upper bound.
-        contributions: Its sources.
+        sources: Its sources.
         not_stated: Signals whose calibration the pipeline file does not state, so that the budget lacks it.
+
+    Returns:
+        The budget: the combined uncertainty without bounds, the share of each source in the variance of all, bounds
+        included, and the 95 % interval by JCGM 101 if a bounded source were drawn evenly.
     """
-
-    name: str
-    figure: Figure
-    contributions: tuple[Contribution, ...]
-    not_stated: tuple[str, ...] = ()
-
-    @property
-    def combined(self) -> float:
-        """Combined standard uncertainty, without bounds."""
-        return math.sqrt(sum(one.contribution**2 for one in self.contributions if not one.bound))
-
-    @property
-    def expanded(self) -> float:
-        """Expanded uncertainty, k = 2, without bounds."""
-        return COVERAGE_FACTOR * self.combined
-
-    @property
-    def propagated(self) -> tuple[float, float] | None:
-        """The 95 % interval by JCGM 101 if a bounded source were drawn evenly; None without one."""
-        if (bounded := next((one.factors for one in self.contributions if one.factors), None)) is None:
-            return None
-        return propagated_interval(self.figure.value, self.combined / self.figure.value, bounded)
-
-    def share(self, one: Contribution) -> float:
-        """Return the share of a source in the variance of all sources, bounds included."""
-        total = sum(other.contribution**2 for other in self.contributions)
-        return one.contribution**2 / total if total > 0.0 else 0.0
+    combined = math.sqrt(sum(one.contribution**2 for one in sources if not one.bound))
+    total = sum(one.contribution**2 for one in sources)
+    shared = [replace(one, share=one.contribution**2 / total if total > 0.0 else 0.0) for one in sources]
+    bounds = next((one.factors for one in sources if one.factors), None)
+    drawn = None if bounds is None else propagated_interval(figure.value, combined / figure.value, bounds)
+    return Budget(figure, combined, COVERAGE_FACTOR * combined, drawn, not_stated, shared)
 
 
 @dataclass(frozen=True)
@@ -140,7 +113,7 @@ def positive_interval(value: float, relative: float, factors: tuple[float, float
     return value * factors[0] * math.exp(-half), value * factors[1] * math.exp(half)
 
 
-def propagated_interval(value: float, relative: float, factors: tuple[float, float]) -> tuple[float, float]:
+def propagated_interval(value: float, relative: float, factors: Sequence[float]) -> tuple[float, float]:
     """Return the 95 % interval of a result whose factor is drawn evenly between its bounds, by JCGM 101.
 
     The result is value F (1 + u Z) with F rectangular and Z normal; its distribution function is a mean of normal ones.

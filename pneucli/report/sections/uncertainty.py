@@ -14,7 +14,7 @@ from pneucli.messages.formatting import (
     in_display_unit,
     unit_symbol,
 )
-from pneucli.messages.identify import INTERVAL_MEANING, BudgetAnswer, Source, largest_conductance
+from pneucli.messages.identify import INTERVAL_MEANING, Budget, Source, largest_conductance
 from pneucli.report.page_elements import Grid
 
 CONDUCTANCE_UNIT = "m^3/(s Pa)"
@@ -22,7 +22,7 @@ SOURCE_COLUMNS = ("source", "type", "standard uncertainty", "sensitivity", "cont
 RESULT_COLUMNS = ("result", "value, interval", "± (k = 2)", "main source")
 
 
-def budget_tables(budgets: Mapping[str, BudgetAnswer], results: str) -> Iterator[Grid]:
+def budget_tables(budgets: Mapping[str, Budget], results: str) -> Iterator[Grid]:
     """Yield the budget of the largest C, and one line for each result whose name holds ``results``."""
     chosen = {name: one for name, one in budgets.items() if name.startswith(results)}
     if (largest := largest_conductance(chosen)) is None:
@@ -32,7 +32,7 @@ def budget_tables(budgets: Mapping[str, BudgetAnswer], results: str) -> Iterator
     yield Grid(f"Uncertainty of every result. {INTERVAL_MEANING}", RESULT_COLUMNS, rows)
 
 
-def _sources(name: str, budget: BudgetAnswer) -> Grid:
+def _sources(name: str, budget: Budget) -> Grid:
     """Return the budget of one C."""
     rows = [
         [
@@ -64,7 +64,7 @@ def _sources(name: str, budget: BudgetAnswer) -> Grid:
     return Grid(caption, SOURCE_COLUMNS, rows)
 
 
-def _result(name: str, budget: BudgetAnswer) -> list[str]:
+def _result(name: str, budget: Budget) -> list[str]:
     one = budget.figure
     factor, unit = (LITRES_PER_BAR, "l/(s bar)") if one.unit == CONDUCTANCE_UNIT else (1.0, one.unit)
     main = max(budget.sources, key=lambda one: one.contribution)
