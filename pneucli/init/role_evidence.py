@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import clock_is_ambiguous, computed_column, counts_rows, guess_clock_unit
+from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock_unit
 from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
-from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility, is_ambiguous
+from pneucli.init.survey_types import Column, Guess, Survey, UnitGuess
+from pneucli.init.units import guess_unit, implausibility
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import parse_unit, same_dimension
 
@@ -174,20 +174,19 @@ def guess_unnamed_columns(survey: Survey, clock: int | None) -> list[Guess]:
     parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
     own = [n for n, one in enumerate(columns) if n not in twins and n != clock and str(one.key) not in parts]
     own = [n for n in own if columns[n].finite_values.size and not counts_rows(columns[n])]
-    found = {} if clock is None else {clock: ("time", *_clock_unit(survey, clock))}
+    found = {} if clock is None else {clock: ("time", _clock_unit(survey, clock))}
     found |= _driven_vessel(survey, own)
     guesses = []
     for n, column in enumerate(columns):
-        signal, unit, note = found.get(n, ("", "", ""))
+        signal, (unit, note, asked, _) = found.get(n, ("", UnitGuess("", "")))
         note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
         mute = bool(signal) and not column.unit
-        asked = mute and bool(implausibility(signal, unit, column.finite_values))
-        asked |= mute and (clock_is_ambiguous(column, note) if signal == "time" else is_ambiguous(unit, note))
+        asked = mute and (asked or bool(implausibility(signal, unit, column.finite_values)))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses
 
 
-def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, str, str]]:
+def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, UnitGuess]]:
     """Return command, supply and pressure of a vessel: what is set, what bounds the others, and what is between."""
     columns = {n: found.columns[n] for n in own if np.ptp(found.columns[n].finite_values) > 0}
     commands = [n for n, one in columns.items() if looks_set(one.values)]
@@ -202,16 +201,16 @@ def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, st
         pressure: ("p1", "it moves below the supply"),
     }
     guessed = {n: guess_unit(signal, columns[n].finite_values, angle=False) for n, (signal, _) in roles.items()}
-    unit = guessed[pressure][0]
+    both = guessed[pressure]
+    guessed[supply[0]] = guessed[supply[0]]._replace(unit=both.unit, asked=both.asked)
     return {
-        n: (signal, unit if signal.startswith("p") else guessed[n][0], f"CHECK {why}; {guessed[n][1]}")
-        for n, (signal, why) in roles.items()
+        n: (signal, guessed[n]._replace(why=f"CHECK {why}; {guessed[n].why}")) for n, (signal, why) in roles.items()
     }
 
 
-def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:
+def _clock_unit(found: Survey, clock: int) -> UnitGuess:
     column = found.columns[clock]
-    return (column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
+    return UnitGuess(column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
 
 
 def _copied_columns(columns: Sequence[Column]) -> dict[int, int]:
