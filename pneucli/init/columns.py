@@ -44,6 +44,7 @@ from pneucli.init.column_names import (
 from pneucli.init.role_evidence import (
     guess_unnamed_columns,
     is_copy,
+    moves_against,
     pressures_in_name,
     rivals,
     role_evidence,
@@ -109,7 +110,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     other = _of_another_axis(found.columns, names, taken)
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
-    why |= _assign_single_pressure(taken, names)
+    why |= _assign_single_pressure(taken, names) | moves_against(taken, found.columns)
     guesses = _motion_of_x(
         _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
     )

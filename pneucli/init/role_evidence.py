@@ -149,6 +149,43 @@ def rivals(
     return found
 
 
+MOTION_SEGMENTS = 500  # segments of a recording over which its motion is judged
+MOSTLY = 0.95  # of the rows: what is fast is told by these
+MIN_AGAINST = 0.1  # of the deviation of p1 - p2, by which it is less where the piston moves toward +x
+
+
+def moves_against(taken: Mapping[int, str], columns: Sequence[Column]) -> dict[int, str]:
+    """Return the pressures of a driven piston that moves against their difference, with the doubt in words.
+
+    Friction holds back in either direction, so what drives a piston is more where it moves toward its positive side.
+    """
+    at = {signal: n for n, signal in taken.items()}
+    if not {"u", "x", "p1", "p2"} <= at.keys():
+        return {}
+    p1, p2, x = in_one_unit(columns[at["p1"]]), in_one_unit(columns[at["p2"]]), columns[at["x"]].values
+    if not p1.size == p2.size == x.size:  # of a long table
+        return {}
+    drive = p1 - p2
+    both = np.isfinite(drive) & np.isfinite(x)
+    more = drive_by_direction(drive[both], x[both])
+    if more is None or more > -MIN_AGAINST * float(np.std(drive[both])):
+        return {}
+    doubt = "CHECK the piston moves against p1 - p2: exchange p1 and p2, or let x count the other way (scale = -1.0)"
+    return dict.fromkeys((at["p1"], at["p2"]), doubt)
+
+
+def drive_by_direction(drive: Array, x: Array) -> float | None:
+    """Return how much larger a force, or a pressure, is where x grows than where it falls; None: too few rows tell."""
+    if drive.size != x.size or x.size < MOTION_SEGMENTS:
+        return None
+    reach = x.size // MOTION_SEGMENTS + 1
+    moved = x[reach:] - x[:-reach]
+    between = drive[reach // 2 :][: moved.size]
+    fast = 0.5 * float(np.quantile(np.abs(moved), MOSTLY))  # a few jumps are those of a counter
+    out, back = between[moved > fast / 2], between[moved < -fast / 2]
+    return float(np.median(out) - np.median(back)) if out.size and back.size else None
+
+
 MIN_ALIKE = 3  # columns that differ by a number alone: two may be those of the chambers, or a reading and a spare
 NUMBERED = ("time", "p1", "p2", "u", "u2")  # signals that have a number of their own
 
