@@ -13,7 +13,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.init.column_names import NOUNS, read_name
-from pneucli.init.survey_types import Column
+from pneucli.init.survey_types import Column, UnitGuess
 from pneucli.io.clock import CounterClock, spread_stamps
 from pneucli.io.column_reader import SAME_RATE, stated_period
 from pneucli.io.expression import Expression
@@ -263,18 +263,22 @@ AGREE = 2.0  # things that speak for a unit without a doubt
 LIKELIER = "it is the likelier of several units"  # decides where nothing else speaks, and counts for nothing else
 
 
-def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping[str, float]) -> tuple[str, str]:
-    """Return the unit that the stamps of a clock are in, and why; with CHECK where only one thing speaks for it."""
+def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping[str, float]) -> UnitGuess:
+    """Return the unit that the stamps of a clock are in, and why; with CHECK where only one thing speaks for it.
+
+    People have to say it of numbers that go on by one: these are samples, ms or s.
+    """
     values = CounterClock().unwrap(column.finite_values)
     steps = np.diff(values)
     steps = steps[steps > 0]
     if not steps.size:
-        return "s", "CHECK no unit is stated, and the stamps do not tell one: taken for s"
+        return UnitGuess("s", "CHECK no unit is stated, and the stamps do not tell one: taken for s")
     period, length = float(np.median(np.diff(values))) or float(np.median(steps)), float(np.ptp(values))
     votes = [*_votes(column, columns, scalars, period, length)]
     count = {one: sum(0.5 if why == LIKELIER else 1.0 for unit, why in votes if unit == one) for one, _ in votes}
     if not count:
-        return "s", f"CHECK no unit is stated, and a sample every {format_plain(period, 4)} suits none: taken for s"
+        suits = f"a sample every {format_plain(period, 4)} suits none"
+        return UnitGuess("s", f"CHECK no unit is stated, and {suits}: taken for s")
     best = max(count, key=lambda unit: count[unit])
     factor = (CLOCK_UNITS | SLOW_UNITS)[best]
     rate = f"a sample every {format_plain(period, 4)} is taken for {format_plain(1 / (period * factor), 4)} Hz"
@@ -282,17 +286,13 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
     why = " and ".join([one for one in reasons if one != LIKELIER] or reasons)
     others = [unit for unit in count if unit != best]
     if count[best] >= AGREE and (not others or count[best] > 2 * max(count[unit] for unit in others)):
-        return best, f"{best}: {why}"
+        return UnitGuess(best, f"{best}: {why}")
     doubt = f"; {', '.join(others)} is as likely" if others and count[others[0]] == count[best] else ""
     if why == LIKELIER:
         rates = {unit: 1 / (period * CLOCK_UNITS[unit]) for unit in _plausible(period, length) if unit != best}
         doubt = f" ({', '.join(f'in {unit} {format_plain(own, 4)} Hz' for unit, own in rates.items())})"
-    return best, f"CHECK no unit is stated: {rate}, as {why}{doubt}"
-
-
-def clock_is_ambiguous(column: Column, note: str) -> bool:
-    """Return whether people have to say the unit: numbers that go on by one are samples, ms or s."""
-    return LIKELIER in note and counts_rows(column)
+    asked = why == LIKELIER and counts_rows(column)
+    return UnitGuess(best, f"CHECK no unit is stated: {rate}, as {why}{doubt}", asked)
 
 
 def unusual_rate(seconds: Array) -> str:

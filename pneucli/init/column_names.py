@@ -102,6 +102,7 @@ _PLAIN = str.maketrans({"ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "ł": "l",
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
 _VOICED = "\u3099\u309a"  # marks of Japanese letters, which are no accents
 _JOINED = re.compile(r"(p)(sup\w*|tank|vessel|chamber|cyl\w*|rail|line|source|left|right|front|rear)")  # run together
+_ANALOGUE = re.compile(r"(?i)\banalog(?:ue)?[\s_]+in(?:put)?(?=[\s_]?\d)")
 _INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
 _VALUE = re.compile(r"(?i)(?<!^x)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
@@ -148,8 +149,8 @@ class ColumnName:
             return nouns[0]  # the output of a sensor, whose scale people have to say
         if by_unit in nouns or not nouns or by_unit == "flow":  # q is a flow as often as a joint's angle
             return by_unit
-        if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND}".split() for word in self.noun_words):
-            return by_unit  # "Chamber A [psia]" is no acceleration
+        if by_unit and not scaled and all(word in f"{_FIRST} {_SECOND} x y".split() for word in self.noun_words):
+            return by_unit  # "Chamber A [psia]" is no acceleration, "Y [N]" no position
         return "command" if nouns == ["command"] and by_unit not in ("pressure", "position", "flow") else ""
 
     @property
@@ -257,6 +258,7 @@ def is_spread(name: ColumnName) -> bool:
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
     plain = "".join(letter for letter in plain if letter in _VOICED or not unicodedata.combining(letter))
+    plain = _ANALOGUE.sub("ai", plain)
     parts = ("flow" if part == "Q" else part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain)))
     found = (_JOINED.fullmatch(part) or part for part in parts)  # a joint's angle is a small q
     words = tuple(word for one in found for word in ((one,) if isinstance(one, str) else one.groups()))

@@ -15,7 +15,6 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.init.clock_columns import (
-    clock_is_ambiguous,
     counts_rows,
     epoch_counter,
     goes_on_evenly,
@@ -45,13 +44,14 @@ from pneucli.init.column_names import (
 from pneucli.init.role_evidence import (
     guess_unnamed_columns,
     is_copy,
+    moves_against,
     pressures_in_name,
     rivals,
     role_evidence,
     without_alike,
 )
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import AT_AMBIENT, guess_unit, implausibility, is_ambiguous
+from pneucli.init.units import guess_unit, implausibility
 from pneucli.io.clock import continuous_stamps
 from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
@@ -110,7 +110,7 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     other = _of_another_axis(found.columns, names, taken)
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
-    why |= _assign_single_pressure(taken, names)
+    why |= _assign_single_pressure(taken, names) | moves_against(taken, found.columns)
     guesses = _motion_of_x(
         _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
     )
@@ -130,7 +130,7 @@ def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
     if not mute:
         return list(guesses)
     reach = max(mute.values(), key=lambda one: float(np.abs(one.column.finite_values).max(initial=0.0)))
-    told = next((one for one in mute.values() if AT_AMBIENT in one.note), reach)
+    told = next((one for one in mute.values() if one.at_ambient), reach)
     note = f"CHECK no unit is stated: taken for {told.unit}, as {told.signal} is"
     as_told = (told.unit, told.ask_unit)
     return [
@@ -212,7 +212,7 @@ def _in_unit_of_files(alike: Sequence[Survey], guess: Guess, known: Array) -> Gu
     Only where it reaches about that number: a name may say the supply, in another unit than the columns have.
     """
     named = [pressures_in_name(one.path) for one in alike]
-    mute = not (guess.unit_stated or guess.column.written or AT_AMBIENT in guess.note) and np.isfinite(guess.scale)
+    mute = not (guess.unit_stated or guess.column.written or guess.at_ambient) and np.isfinite(guess.scale)
     if not mute or not guess.signal.startswith("p") or len(units := set().union(*named)) != 1 or not known.size:
         return guess
     unit = units.pop()
@@ -242,12 +242,8 @@ def _unit_guess(column: Column, signal: str, name: ColumnName, known: Array) -> 
         return Guess(column, signal, meant, meant == name.unit, reference, doubt, scale=column.scale)
     if signal == "temperature" and column.written in _DEGREES:
         return Guess(column, signal, _DEGREES[column.written], True)
-    unit, note = guess_unit(signal, known, angle=name.has(ANGLES))
-    if column.written:
-        note = f'CHECK the unit "{column.written}" is not known: {note.removeprefix("CHECK no unit is stated: ")}'
-    rests = f"rests {AT_AMBIENT}" in note and " or " not in column.written  # of a unit that changes no level tells
-    asked = (bool(column.written) and not rests) or is_ambiguous(unit, note)
-    return Guess(column, signal, unit, False, reference, note, ask_unit=asked)
+    unit, why, asked, at_ambient = guess_unit(signal, known, angle=name.has(ANGLES), written=column.written)
+    return Guess(column, signal, unit, False, reference, why, ask_unit=asked, at_ambient=at_ambient)
 
 
 _SENSED_IN = {"p": "bar", "x": "mm", "v": "mm/s", "f": "N"}  # what people state a sensor's scale in, by signal
@@ -298,8 +294,8 @@ def _clock_in_its_unit(found: Survey, column: Column, name: ColumnName) -> Guess
         note = "CHECK the sum of the steps" if column.computed and "cumsum" in str(column.key) else ""
         note = note or unusual_rate(column.finite_values * column.scale * parse_unit(name.unit).factor)
         return Guess(column, "time", name.unit, True, "", note, scale=column.scale)
-    unit, note = guess_clock_unit(column, found.columns, found.scalars)
-    return Guess(column, "time", unit, False, "", note, ask_unit=clock_is_ambiguous(column, note))
+    unit, why, asked, _ = guess_clock_unit(column, found.columns, found.scalars)
+    return Guess(column, "time", unit, False, "", why, ask_unit=asked)
 
 
 def _marks(alike: Sequence[Survey], n: int, signal: str) -> tuple[float, ...]:

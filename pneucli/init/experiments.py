@@ -15,12 +15,12 @@ from pneucli.errors import InputError
 from pneucli.experiments import ExperimentName
 from pneucli.init.column_names import is_angle
 from pneucli.init.file_groups import FileGroup
+from pneucli.init.role_evidence import drive_by_direction
 from pneucli.init.survey_types import Guess, Survey
 from pneucli.messages.formatting import format_plain
 
 POSITION_BINS = 20  # of the piston's position
 MAX_CLOSED_DEVIATION = 0.2  # share of a closed chamber's deviation that the position does not explain
-MOTION_SEGMENTS = 500  # segments of a recording over which its motion is judged
 MIN_FALLING_SHARE = 0.6  # of the steps between tenths of a recording, in which the pressure of a shut chamber falls
 MIN_PRESSURE_FALL = 0.2  # of its range
 NOISE_RANGE_STEPS = 10.0  # steps between samples: white noise alone has a range of five
@@ -103,25 +103,11 @@ def sign_conventions(kind: FileGroup) -> dict[str, str]:
     if p.size < 2 or not np.ptp(p) or not np.ptp(force):
         return {}
     against = np.corrcoef(p, force)[0, 1] > 0
-    drags = [
-        drag for f, x in zip(forces, places, strict=True) if (drag := _force_difference_by_direction(f, x)) is not None
-    ]
+    drags = [drag for f, x in zip(forces, places, strict=True) if (drag := drive_by_direction(f, x)) is not None]
     found = {"force": "CHECK it holds against p1, which pushes toward +x"} if against else {}
     if drags and (float(np.median(drags)) > 0) == against:
         found["x"] = "CHECK the force is larger where the piston moves against p1, so chamber 1 grows the other way"
     return found
-
-
-def _force_difference_by_direction(force: Array, x: Array) -> float | None:
-    """Return how much larger the force is where x grows than where it falls."""
-    if force.size != x.size or x.size < MOTION_SEGMENTS:
-        return None
-    reach = x.size // MOTION_SEGMENTS + 1
-    moved = x[reach:] - x[:-reach]
-    between = force[reach // 2 :][: moved.size]
-    fast = 0.5 * float(np.abs(moved).max())
-    out, back = between[moved > fast / 2], between[moved < -fast / 2]
-    return float(np.median(out) - np.median(back)) if out.size and back.size else None
 
 
 def _command(kind: FileGroup) -> Iterator[Line]:

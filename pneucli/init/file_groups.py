@@ -163,8 +163,9 @@ def _same_layout(surveys: Sequence[Survey]) -> list[list[Survey]]:
     for one in surveys:
         layout = (one.is_text, one.raw.header, one.raw.skip_rows, one.raw.delimiter, one.raw.decimal, one.raw.part)
         taken = tuple((g.column.key, g.column.where, g.column.unit, g.signal) for g in guess_columns([one]) if g.signal)
-        nameless = all(isinstance(column.key, int) for column in one.columns)
-        groups.setdefault((layout, len(one.columns) if nameless else taken), []).append(one)
+        keys = tuple(column.key for column in one.columns)
+        nameless = all(isinstance(key, int) for key in keys)
+        groups.setdefault((layout, keys if nameless else taken), []).append(one)
     return list(groups.values())
 
 

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.init.clock_columns import clock_is_ambiguous, computed_column, counts_rows, guess_clock_unit
+from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock_unit
 from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
-from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility, is_ambiguous
+from pneucli.init.survey_types import Column, Guess, Survey, UnitGuess
+from pneucli.init.units import guess_unit, implausibility
 from pneucli.io.text_sniffer import is_unit
 from pneucli.units import parse_unit, same_dimension
 
@@ -149,6 +149,43 @@ def rivals(
     return found
 
 
+MOTION_SEGMENTS = 500  # segments of a recording over which its motion is judged
+MOSTLY = 0.95  # of the rows: what is fast is told by these
+MIN_AGAINST = 0.1  # of the deviation of p1 - p2, by which it is less where the piston moves toward +x
+
+
+def moves_against(taken: Mapping[int, str], columns: Sequence[Column]) -> dict[int, str]:
+    """Return the pressures of a driven piston that moves against their difference, with the doubt in words.
+
+    Friction holds back in either direction, so what drives a piston is more where it moves toward its positive side.
+    """
+    at = {signal: n for n, signal in taken.items()}
+    if not {"u", "x", "p1", "p2"} <= at.keys():
+        return {}
+    p1, p2, x = in_one_unit(columns[at["p1"]]), in_one_unit(columns[at["p2"]]), columns[at["x"]].values
+    if not p1.size == p2.size == x.size:  # of a long table
+        return {}
+    drive = p1 - p2
+    both = np.isfinite(drive) & np.isfinite(x)
+    more = drive_by_direction(drive[both], x[both])
+    if more is None or more > -MIN_AGAINST * float(np.std(drive[both])):
+        return {}
+    doubt = "CHECK the piston moves against p1 - p2: exchange p1 and p2, or let x count the other way (scale = -1.0)"
+    return dict.fromkeys((at["p1"], at["p2"]), doubt)
+
+
+def drive_by_direction(drive: Array, x: Array) -> float | None:
+    """Return how much larger a force, or a pressure, is where x grows than where it falls; None: too few rows tell."""
+    if drive.size != x.size or x.size < MOTION_SEGMENTS:
+        return None
+    reach = x.size // MOTION_SEGMENTS + 1
+    moved = x[reach:] - x[:-reach]
+    between = drive[reach // 2 :][: moved.size]
+    fast = 0.5 * float(np.quantile(np.abs(moved), MOSTLY))  # a few jumps are those of a counter
+    out, back = between[moved > fast / 2], between[moved < -fast / 2]
+    return float(np.median(out) - np.median(back)) if out.size and back.size else None
+
+
 MIN_ALIKE = 3  # columns that differ by a number alone: two may be those of the chambers, or a reading and a spare
 NUMBERED = ("time", "p1", "p2", "u", "u2")  # signals that have a number of their own
 
@@ -174,20 +211,19 @@ def guess_unnamed_columns(survey: Survey, clock: int | None) -> list[Guess]:
     parts = [] if clock is None else re.findall(r"`(.+?)`", str(columns[clock].key))  # of a clock that is computed
     own = [n for n, one in enumerate(columns) if n not in twins and n != clock and str(one.key) not in parts]
     own = [n for n in own if columns[n].finite_values.size and not counts_rows(columns[n])]
-    found = {} if clock is None else {clock: ("time", *_clock_unit(survey, clock))}
+    found = {} if clock is None else {clock: ("time", _clock_unit(survey, clock))}
     found |= _driven_vessel(survey, own)
     guesses = []
     for n, column in enumerate(columns):
-        signal, unit, note = found.get(n, ("", "", ""))
+        signal, (unit, note, asked, _) = found.get(n, ("", UnitGuess("", "")))
         note = note or (f"column {columns[twins[n]].key} in other numbers" if n in twins else "")
         mute = bool(signal) and not column.unit
-        asked = mute and bool(implausibility(signal, unit, column.finite_values))
-        asked |= mute and (clock_is_ambiguous(column, note) if signal == "time" else is_ambiguous(unit, note))
+        asked = mute and (asked or bool(implausibility(signal, unit, column.finite_values)))
         guesses.append(Guess(column, signal, unit, False, "", note, ask_unit=asked))
     return guesses
 
 
-def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, str, str]]:
+def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, UnitGuess]]:
     """Return command, supply and pressure of a vessel: what is set, what bounds the others, and what is between."""
     columns = {n: found.columns[n] for n in own if np.ptp(found.columns[n].finite_values) > 0}
     commands = [n for n, one in columns.items() if looks_set(one.values)]
@@ -202,16 +238,16 @@ def _driven_vessel(found: Survey, own: Sequence[int]) -> dict[int, tuple[str, st
         pressure: ("p1", "it moves below the supply"),
     }
     guessed = {n: guess_unit(signal, columns[n].finite_values, angle=False) for n, (signal, _) in roles.items()}
-    unit = guessed[pressure][0]
+    both = guessed[pressure]
+    guessed[supply[0]] = guessed[supply[0]]._replace(unit=both.unit, asked=both.asked)
     return {
-        n: (signal, unit if signal.startswith("p") else guessed[n][0], f"CHECK {why}; {guessed[n][1]}")
-        for n, (signal, why) in roles.items()
+        n: (signal, guessed[n]._replace(why=f"CHECK {why}; {guessed[n].why}")) for n, (signal, why) in roles.items()
     }
 
 
-def _clock_unit(found: Survey, clock: int) -> tuple[str, str]:
+def _clock_unit(found: Survey, clock: int) -> UnitGuess:
     column = found.columns[clock]
-    return (column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
+    return UnitGuess(column.unit, "") if column.unit else guess_clock_unit(column, found.columns, found.scalars)
 
 
 def _copied_columns(columns: Sequence[Column]) -> dict[int, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -65,13 +66,26 @@ class Survey:
         return self.raw.path
 
 
+class UnitGuess(NamedTuple):
+    """The unit that numbers are most likely in, and why; ``asked``: people have to say it.
+
+    ``at_ambient`` says how a pressure is at ambient pressure in that unit, ``"rests"`` or ``"is lowest"``; else empty.
+    """
+
+    unit: str
+    why: str
+    asked: bool = False
+    at_ambient: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class Guess:
     """One column and the signal it is taken for, read in ``unit``; ``signal`` is empty where nothing fits.
 
     ``unit_stated``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``:
     what speaks for it. One of the column's numbers is ``scale`` units; NaN: people have to say it. ``missing`` are the
-    numbers that mark no value. ``ask_unit``: people have to say the unit; ``unit`` is what the numbers look like.
+    numbers that mark no value. ``ask_unit``: people have to say the unit; ``unit`` is what the numbers look like, and
+    ``at_ambient`` as :class:`UnitGuess` has it.
     """
 
     column: Column
@@ -83,3 +97,4 @@ class Guess:
     scale: float = 1.0
     missing: tuple[float, ...] = ()
     ask_unit: bool = False
+    at_ambient: str = ""

@@ -219,8 +219,13 @@ def _rows_of(columns: Sequence[Column], key: ColumnKey, run: str, rows: ColumnVa
 def runs_beside_one_another(columns: Sequence[Column]) -> list[tuple[str, list[Column]]]:
     """Return the columns of each run of a table whose names say it, such as ``"p1 run2"``; nothing where none do.
 
-    Columns without a run belong to each of them.
+    Columns without a run belong to each of them. Names that stand again from the clock's on say it as well.
     """
+    names = [one.name for one in columns]
+    width = names.index(names[0], 1) if names and names.count(names[0]) > 1 else 0
+    if width > MIN_READINGS and names == names[:width] * (len(names) // width) and may_be_clock(columns[0]):
+        starts = range(0, len(names), width)
+        return [(str(run), [*columns[at : at + width]]) for run, at in enumerate(starts, 1)]
     tags = [_RUN_TAG.search(one.name) or _ELEMENT.search(one.name) for one in columns]
     runs = list(dict.fromkeys(tag[1] for tag in tags if tag))
     plain = [one.name.replace(tag[0], "") if tag else one.name for one, tag in zip(columns, tags, strict=True)]

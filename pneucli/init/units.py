@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pneucli.arrays import Array
+from pneucli.init.survey_types import UnitGuess
 from pneucli.io.cleaning import MAX_SPEED
 from pneucli.io.signal_repairs import MIN_JUMP_STEPS, MIN_SINGLE_RUN, USUAL_STEP
 from pneucli.messages.formatting import format_plain, format_signal
@@ -19,19 +20,25 @@ MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
 DIP_SHARE = 0.005  # share of the samples that a chamber is lowest for a moment at most, as its piston starts fast
-AT_AMBIENT = "at ambient pressure and moves from there"  # what speaks for a unit
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
-def guess_unit(signal: str, values: Array, *, angle: bool) -> tuple[str, str]:
-    """Return the unit that numbers without one are most likely in, and why."""
+def guess_unit(signal: str, values: Array, *, angle: bool, written: str = "") -> UnitGuess:
+    """Return the unit that numbers without one, or in one ``written`` that is not known, are most likely in.
+
+    It is asked for where it is written, as of it no level but a rest tells, and of pressures that are too large for
+    bar and suit several units: kPa, psi, mbar, mmHg.
+    """
     if not values.size:
-        return SIGNALS[signal].unit, "CHECK no value, and no unit"
-    low, high = float(values.min()), float(values.max())
+        return UnitGuess(SIGNALS[signal].unit, "CHECK no value, and no unit", bool(written))
+    stated = f'the unit "{written}" is not known' if written else "no unit is stated"
     if SIGNALS[signal].unit == "Pa" and (found := _unit_at_ambient(values)):
-        return found[0], f"CHECK no unit is stated: taken for {found[0]}, in which it {found[1]} {AT_AMBIENT}"
-    unit = _most_likely_unit(signal, values, angle)
-    return unit, f"CHECK no unit is stated: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
+        unit, how = found
+        why = f"CHECK {stated}: taken for {unit}, in which it {how} at ambient pressure and moves from there"
+        return UnitGuess(unit, why, bool(written) and (how != "rests" or " or " in written), how)
+    unit, low, high = _most_likely_unit(signal, values, angle), float(values.min()), float(values.max())
+    why = f"CHECK {stated}: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
+    return UnitGuess(unit, why, bool(written) or unit == "kPa")
 
 
 def _unit_at_ambient(values: Array) -> tuple[str, str] | None:
@@ -39,11 +46,6 @@ def _unit_at_ambient(values: Array) -> tuple[str, str] | None:
     pascals = {unit: to_si(values, unit, "Pa") for unit in ("bar", "kPa", "mbar", "Pa", "psi")}
     rests = ((unit, "rests") for unit, own in pascals.items() if ambient_rest_pressure(own) is not None)
     return next(rests, None) or next(((unit, "is lowest") for unit, own in pascals.items() if _is_vented(own)), None)
-
-
-def is_ambiguous(unit: str, note: str) -> bool:
-    """Return whether numbers of a pressure that are too large for bar suit several units: kPa, psi, mbar, mmHg."""
-    return unit == "kPa" and note.startswith("CHECK no unit is stated") and AT_AMBIENT not in note
 
 
 def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:

@@ -54,9 +54,12 @@ def _cuts_stamps(text: str) -> bool:
     return first > 0 and lines[first].count(",") == lines[first - 1].count(",") + 1
 
 
-_JSON_IN_LINE = r"^[^{}\n]+\{\"[^{}\n]+\}\s*$"
+_JSON_IN_LINE = r"^[^{}\n]*\{[\"'][^{}\n]+\}\s*$"
 _REWRITINGS = (
     Rewriting(r"^(?:\[(\d[\dT:., /-]*)\]|([\d:.,]+)\s*->)\s*", r"\1\2{}"),  # a stamp, as logs and serial monitors write
+    Rewriting(
+        r"^(\d[\d.,:/T+-]*(?: \d[\d.,:]*)?)\s[^\n=}{]*?(?=\b[A-Za-z_]\w*[ ]?[:=][ ]?[-+]?\.?\d)", r"\1{}"
+    ),  # words of a log between a stamp and the first key
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
     Rewriting(_BLANK, " "),
     Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
@@ -70,8 +73,9 @@ _REWRITINGS = (
         said="what stands behind ± in a cell, its uncertainty, is left out",
     ),
     Rewriting(r"(\d\d:\d\d:\d\d),(\d{3})(?={})", r"\1.\2", told=_cuts_stamps),  # as Python's logging writes
-    Rewriting(r"(?:(?<=\d)[^\d{\n]*|\s+)\{(?=\")", "{}", seen=_JSON_IN_LINE),  # what a program logs behind a stamp
-    Rewriting(r"[}\"]", "", seen=_JSON_IN_LINE),
+    Rewriting(r"^\{(?=[\"'])", "", seen=_JSON_IN_LINE),  # as Python writes a dictionary
+    Rewriting(r"(?:(?<=\d)[^\d{\n]*|\s+)\{(?=[\"'])", "{}", seen=_JSON_IN_LINE),  # what a program logs behind a stamp
+    Rewriting(r"[}\"']", "", seen=_JSON_IN_LINE),
     Rewriting(
         r" (?=[^\s,=]+=|\d{10,19}\s*$)", ",", seen=rf"^[^\s,=]+(?:,{_SET})* {_SET}(?:,{_SET})* \d{{10,19}}\s*$"
     ),  # line protocol: a name and tags, fields, and a stamp, apart by blanks

@@ -630,7 +630,11 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("form", "clock"), [("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")]
+    ("form", "clock"),
+    [
+        *(("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")),
+        *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time")),
+    ],
 )
 def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
     t, u, p = 1000.0 * np.arange(50), np.sign(np.sin(np.arange(50))), 2 + np.sin(0.1 * np.arange(50))
@@ -644,6 +648,10 @@ def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_pa
             "time": {"unit": "ms", "data": t.tolist()},
             "signals": {name.split("_")[0]: {"unit": name.split("_")[1], "data": v} for name, v in names.items()},
         },
+        "pandas": {name: dict(zip(map(str, t), v, strict=True)) for name, v in names.items()},
+        "pandas by row": {str(a): {"valve_V": b, "p1_bar": c} for a, b, c in np.column_stack([t, u, p]).tolist()},
+        "numbered fields": {"channel": {"name": "rig", "field1": "valve_V", "field2": "p1_bar"}, "feeds": [
+            {"time": a, "field1": b, "field2": c} for a, b, c in np.column_stack([t, u, p]).tolist()]},
     }  # fmt: skip
     found = guessed(written(tmp_path, json.dumps(forms[form]), "a.json"))
     text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")

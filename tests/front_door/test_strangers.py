@@ -317,7 +317,8 @@ def test_rows_may_end_in_a_tab_and_begin_with_blanks(tmp_path: Path) -> None:
     assert roles(looked_at(tmp_path, lines, "a.dat"))["time"] == 1
 
 
-LOGGED = {  # a log of a program: JSON behind stamps, or behind words
+LOGGED = {  # a log of a program: JSON behind stamps, or behind words, or as Python writes it; names before numbers
+    "Python": ("{{'t': {t:.2f}, ", {"time": "t", "p1": "p1_bar", "u": "u"}),
     "stamps": ("2026-03-11 09:15:{t:06.3f} INFO {{", {"time": 1, "p1": "p1_bar", "u": "u"}),
     "words": ('INFO data {{"t": {t:.2f}, ', {"time": "t", "p1": "p1_bar", "u": "u"}),
 }
@@ -328,6 +329,26 @@ def test_objects_of_json_in_the_lines_of_a_log_are_rows(way: str, tmp_path: Path
     begin, wanted = LOGGED[way]
     text = "".join(begin.format(t=t) + f'"p1_bar": {p:.4f}, "u": {u}}}\n' for t, p, u in zip(T, P, ON, strict=True))
     assert roles(looked_at(tmp_path, text, "a.log")) == wanted
+
+
+def test_runs_whose_names_stand_again_are_recordings_of_their_own(tmp_path: Path) -> None:
+    again = "t [s],p1 [bar],u [V],t [s],p1 [bar],u [V]\n" + rows(T, P, ON, T, 4.0 - P, ON)
+    answer = looked_at(tmp_path, again)
+    assert len(answer.recordings) == 2
+    assert "p2" not in roles(answer)
+
+
+@pytest.mark.parametrize(("against", "driven"), [(False, True), (True, True), (True, False)])
+def test_a_piston_that_its_valve_drives_against_its_pressures_is_doubted(
+    against: bool, driven: bool, tmp_path: Path
+) -> None:
+    """Of chambers that a motion from outside compresses the same pressures are no doubt."""
+    t = np.arange(2000) * 0.01
+    x, push = 100.0 + 90.0 * np.sin(t), (-1.0 if against else 1.0) * np.cos(t)
+    signals = {"t [s]": t, "x [mm]": x, "p1 [bar]": 4.0 + push, "p2 [bar]": 4.0 - push}
+    signals |= {"u [V]": np.sign(np.cos(t))} if driven else {}
+    answer = looked_at(tmp_path, ",".join(signals) + "\n" + rows(*signals.values()))
+    assert ("moves against" in note(answer, "p1")) == (against and driven)
 
 
 @pytest.mark.parametrize("start", [86_395, 3 * 86_395])

@@ -58,6 +58,8 @@ NAMES = {
     "Ventil [%]": ("u", "V"),
     "P_supply [bar]": ("p_supply", "bar"),
     "p_s": ("p_supply", "bar"),
+    "Y [N]": ("force", "N"),  # a letter of an axis is no position in newtons
+    "Analog input 1 [mV]": ("", "mV"),
     "source [psi]": ("p_supply", "psi"),
     "Versorgungsdruck, bar": ("p_supply", "bar"),
     "P1 (kPa)": ("p1", "kPa"),

@@ -190,6 +190,16 @@ def test_datasets_that_stand_for_nothing_are_no_columns(tmp_path: Path) -> None:
     assert list(opened(tmp_path / "a.h5").names) == ["p1"]
 
 
+def test_attributes_name_the_columns_of_a_matrix(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = np.arange(8.0).reshape(4, 2)
+        file["data"].attrs.update({"names": ["u", "p1"], "units": ["V", "bar"]})
+        file["plain"] = np.arange(8.0).reshape(4, 2)
+    reader = opened(tmp_path / "a.h5")
+    assert list(reader.names) == ["data/u", "data/p1", "plain/1", "plain/2"]
+    assert reader.units == {0: "V", 1: "bar"}
+
+
 def mdf(path: Path, *, sync: int) -> Reader:
     """An MDF 4 of a group over time, and one whose master counts what ``sync`` says."""
     from asammdf import MDF, Signal

@@ -186,7 +186,7 @@ def open_hdf5(path: Path) -> ColumnReader:
             elif isinstance(node, h5py.Dataset):
                 found = dict(_dataset_columns(name, node))
                 owner |= found
-                units |= dict.fromkeys(found, _unit(node))
+                units |= zip(found, _units(node, len(found)), strict=True)
                 sizes |= dict.fromkeys(found, max(node.shape, default=1))
             else:
                 found = frame_columns(node, name) or struct_array_columns(file, node, name)
@@ -234,6 +234,7 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
         if kind.kind in "fiub":
             own = f"{name}/{field}" if field else name
             columns = column_names(own, dataset.shape)
+            columns = [f"{name}/{text}" for text in _column_titles(dataset, len(columns))] or columns
             for number, column in enumerate(columns):
                 yield column, Place(name, field, number if len(columns) > 1 else None)
 
@@ -290,6 +291,24 @@ def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
                 yield tuple(slice(a, a + step) for a, step in zip(first, dataset.chunks, strict=True))
     elif dataset.size and not dataset.id.get_storage_size():
         yield slice(None)
+
+
+def _column_titles(dataset: Any, count: int) -> list[str]:
+    """Return what an attribute of a matrix calls its columns, each another name; empty where none does."""
+    texts = [_texts(own) for key, own in dataset.attrs.items() if not key.lower().startswith("unit")]
+    return next((own for own in texts if len(own) == len({*own}) == count > 1 and all(own)), [])
+
+
+def _units(dataset: Any, count: int) -> list[str]:
+    """Return the unit of each column of a dataset: those of an attribute that has as many, or the one of all."""
+    texts = [_texts(own) for key, own in dataset.attrs.items() if key.lower() in ("unit", "units")]
+    return next((own for own in texts if len(own) == count > 1), [_unit(dataset)] * count)
+
+
+def _texts(attribute: Any) -> list[str]:
+    """Return the texts of an attribute that is an array of them."""
+    own = list(np.ravel(attribute)) if np.ndim(attribute) == 1 else []
+    return [as_text(one) for one in own] if all(isinstance(one, str | bytes) for one in own) else []
 
 
 def _unit(dataset: Any) -> str:

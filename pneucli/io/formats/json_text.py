@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from pneucli.io.formats.base import Format
 from pneucli.io.raw_file import ColumnValues, Repair
 
 _SAMPLES, _STAMPS = ("values", "data", "samples", "y"), ("x", "time", "t", "timestamps")  # keys of a channel
+_FIELD = re.compile(r"[a-z]+_?\d+")  # names that number fields
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
 
@@ -50,6 +52,7 @@ def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     elif tables:
         rows = [{"channel": name, **dict(zip(names, row, strict=True))} for name, names, own in tables for row in own]
     else:
+        whole = _frame(whole)
         rows = whole if isinstance(whole, list) and not all(map(_channel, whole)) else _rows(whole)
     if isinstance(rows, Mapping):
         named = ((name, [own] if isinstance(own, int | float) else own) for name, own in rows.items())
@@ -142,11 +145,30 @@ def _channel(node: Any) -> list[Any]:
     return _samples(node) if single else []
 
 
+def _frame(whole: Any) -> Any:
+    """Return the lists of a table of pandas, which holds columns by their index or rows by it; else as it is."""
+    inner = list(whole.values()) if isinstance(whole, Mapping) else []
+    if not inner or not all(isinstance(one, Mapping) and one.keys() == inner[0].keys() for one in inner):
+        return whole
+    if not all(_is_column(list(one.values())) for one in inner):
+        return whole
+    outer, names = list(whole), list(inner[0])
+    if len(outer) > len(names):
+        index, columns = outer, {name: [one[name] for one in inner] for name in names}
+    else:
+        index, columns = names, {name: list(one.values()) for name, one in zip(outer, inner, strict=True)}
+    return {"index": index, **columns}
+
+
 def _rows(whole: Any) -> Any:
     """Return lists by name, or the list of objects that an object holds under its only such name."""
     listed = whole.values() if isinstance(whole, Mapping) else [whole]
     inside = [own for own in listed if isinstance(own, list) and own and isinstance(own[0], Mapping)]
-    return inside[0] if len(inside) == 1 and not _channel(inside[0][0]) else dict(_leaves({"": whole}, ""))
+    if len(inside) != 1 or _channel(inside[0][0]):
+        return dict(_leaves({"": whole}, ""))
+    beside = [own for own in listed if isinstance(own, Mapping)]  # may say what field1 and others are
+    titles = {key: name for own in beside for key, name in own.items() if _FIELD.fullmatch(key) and name}
+    return [{titles.get(key, key): own for key, own in row.items()} for row in inside[0]]
 
 
 def _leaves(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
