@@ -1,10 +1,10 @@
 """The rig's equations: laws that a textbook states, each term of them as stored, and how a step ends."""
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
 from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, VL, XL, V, X, Z
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation
-from tests.stored import hold_against
+from tests.stored import hold_rows_against
 
 STORED = Path(__file__).parent / "stored" / "terms.json"
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
@@ -103,24 +103,21 @@ def terms(plain: SimpleNamespace, par: Parameters, s: np.ndarray, t: float) -> I
         yield f"breaks away at {push}", plain.motion_sign(par, t, pushed, 0.3)
 
 
-def told(plain: SimpleNamespace, changed: dict[str, float], given: dict[str, float], t: float) -> dict[str, str]:
-    found = terms(plain, PAR._replace(**changed), state(**given), t)
-    numbers = ((name, np.atleast_1d(np.array(one, float)) + 0.0) for name, one in found)
-    return {name: " ".join(f"{one:.6g}" for one in row) for name, row in numbers}
-
-
 def test_what_each_parameter_changes_is_as_stored(plain: SimpleNamespace) -> None:
-    """Of each row of the file: the parameters, state and time that are others than usual, and the terms that differ."""
-    rows = json.loads(STORED.read_text(encoding="utf-8"))
-    usual = told(plain, {}, {}, 0.0)
-    lines = [json.dumps({"usual": usual}, indent=1)[2:-2]]
-    for row in rows["rows"]:
-        found = told(plain, row.get("parameters", {}), row.get("state", {}), row.get("time", 0.0))
-        like = told(plain, {}, row.get("state", {}), row.get("time", 0.0)) if row.get("parameters") else usual
-        different = {name: one for name, one in found.items() if one != like[name]}
-        lines.append(json.dumps({**row, "gives": different}))
-    text = "{" + lines[0] + ',\n "rows": [\n  ' + ",\n  ".join(lines[1:]) + "\n ]\n}\n"
-    hold_against(STORED, text, rel=1e-5)
+    """Of each row: the parameters, state and time (s) that are others than usual, and the terms that differ."""
+
+    def told(row: dict[str, Any]) -> dict[str, str]:
+        par, s, t = PAR._replace(**row.get("parameters", {})), state(**row.get("state", {})), row.get("time", 0.0)
+        numbers = ((name, np.atleast_1d(np.array(one, float)) + 0.0) for name, one in terms(plain, par, s, t))
+        return {name: " ".join(f"{one:.6g}" for one in values) for name, values in numbers}
+
+    def gives(row: dict[str, Any]) -> dict[str, str]:
+        like = told({**row, "parameters": {}}) if "parameters" in row else told({}) if "state" in row else {}
+        return {
+            name: one for name, one in told({k: row[k] for k in row if k != "gives"}).items() if one != like.get(name)
+        }
+
+    hold_rows_against(STORED, gives, rel=1e-5)
 
 
 # --- the loop
