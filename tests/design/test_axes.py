@@ -83,32 +83,6 @@ def test_the_parameter_varying_axis_is_friction_over_speed_and_the_stiffness_of_
     assert found == pytest.approx(wanted)
 
 
-def test_the_tensor_model_spans_the_reference_speeds_and_the_middle_of_the_stroke() -> None:
-    model = lpv.axis_model(C, 0.3, "cno")
-    speeds, places = model.grids
-    assert (speeds[0], speeds[-1], speeds.size) == (-C["C_V_MAX"], C["C_V_MAX"], 201)
-    assert (places[0], places[-1], places.size) == (
-        pytest.approx(0.2 * C["C_STROKE"]),
-        pytest.approx(0.8 * C["C_STROKE"]),
-        41,
-    )
-
-
-def test_a_study_starts_15_percent_off_with_half_the_flow_of_the_slower_direction(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    seen: list[Any] = []
-    monkeypatch.setattr(lpv, "_weight_study", lambda *a: seen.append(a) or "done")
-    assert lpv.compare_weight_types(C, 0.3, ("cno", "ino")) == ["done", "done"]
-    _, floor, kind, x0, scale, most = seen[0]
-    assert (floor, kind) == (0.3, "cno")
-    assert x0 == pytest.approx([0.15 * C["C_STROKE"], 0.0, 0.0])
-    force = 0.5 * C["C_AREA_1"] * (0.85 * C["C_SUPPLY"] - 1.3 * C["C_AMBIENT"])
-    assert scale == pytest.approx([0.15 * C["C_STROKE"], C["C_V_MAX"], force])
-    flows = C["C_AREA_FILL"] * C["C_SUPPLY"], C["C_AREA_VENT"] * C["C_P_MEAN"]
-    assert most == pytest.approx(0.5 * min(flows) * C["C_K_GAS"] * 0.484)
-
-
 def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
     """One vertex everywhere and a start so small that the axis is linear: against the matrix exponential."""
     both = lpv.axis_matrices(C, np.array(0.0), np.array(C["C_STROKE"] / 2), 0.05)

@@ -121,9 +121,6 @@ def test_each_pressure_sensor_has_its_own_noise_and_hum_of_50_hz() -> None:
     assert Sensors() == Sensors(400.0, 0.0, 0.0, 1e-6, 0.05)
 
 
-# --- files
-
-
 # --- the pipeline file
 
 

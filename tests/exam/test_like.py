@@ -11,14 +11,7 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.hidden_effects import BY_NAME
-from pneucli.exam.like import (
-    UserRecording,
-    UserRig,
-    excitation_for,
-    summarize,
-    with_hidden_effect,
-    write_like,
-)
+from pneucli.exam.like import UserRecording, UserRig, excitation_for, summarize, with_hidden_effect, write_like
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig.simulation import simulate_rig
