@@ -4,6 +4,7 @@ import importlib
 import math
 import re
 import tomllib
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -55,12 +56,12 @@ def done(function: str, one: dict[str, Any]) -> str:
     """What a function returns in a situation, and the states that are others after it."""
     module, _, name = function.partition(".")
     given = {k: v for like in one.get("like", []) for k, v in KNOWN["like"][like].items()} | one.get("given", {})
-    s = state(**{k: v for k, v in given.items() if f"S_{k}" in at.STATE})
+    s = np.r_[state(**{k: v for k, v in given.items() if f"S_{k}" in at.STATE}), np.zeros(at.MAX_LAW_STATES)]
     c, before = settings(**{k: v for k, v in given.items() if f"S_{k}" not in at.STATE}), s.copy()
-    states = () if name == "sector_switching_term" else (s,)
-    returned = getattr(importlib.import_module(f"pneucli.controller.{module}"), name)(*one["with"], *states, c)
+    called, arguments = getattr(importlib.import_module(f"pneucli.controller.{module}"), name), iter(one["with"])
+    returned = called(*(s if p == "s" else c if p == "c" else next(arguments) for p in signature(called).parameters))
     is_other = np.abs(s - before) > 1e-12  # less is rounding
-    changed = [f"{name[2:]} {s[i]:.9g}" for i, name in enumerate(at.STATE) if is_other[i] and "_LINE" not in name]
+    changed = [f"{name[2:]} {s[i] + 0.0:.9g}" for i, name in enumerate(at.STATE) if is_other[i] and "_LINE" not in name]
     return ", ".join([*([] if returned is None else [f"{float(returned):.9g}"]), *changed])
 
 
