@@ -68,15 +68,6 @@ def test_one_block_is_never_certain(fall: list[float], low: float) -> None:
     assert not found.significant
 
 
-def test_equal_falls_in_all_blocks_are_beyond_chance() -> None:
-    assert score_gain(np.full(9, 3.0), np.full(9, 1.0)).p_value < 1e-12
-
-
-def test_zeros_count_as_one_part() -> None:
-    assert effective_degrees_of_freedom(np.zeros(5)) == 1.0
-    assert effective_degrees_of_freedom(np.array([1.0, -1.0] * 20)) == pytest.approx(3 * 40 - 2)
-
-
 def test_a_family_is_adjusted_step_by_step() -> None:
     """Holm: the smallest times the family, the next times one less, never falling."""
     assert holm_adjusted([0.01, 0.02, 0.02], 10) == pytest.approx([0.1, 0.18, 0.18])
@@ -236,42 +227,6 @@ def test_exclusive_channels_have_their_own_cost_and_count() -> None:
     assert [one[:2] for one in found.exclusive_channel_costs(fitted, TWO)] == [(0.0, 0.0)] * 2
     alone = replace(found, held_out=[]).exclusive_channel_costs(fitted, ONE)
     assert [one[:2] for one in alone] == [(4.0, 1.0), (0.0, 0.0)]
-
-
-def test_effects_are_ranked_by_their_best_score_test(monkeypatch: pytest.MonkeyPatch) -> None:
-    promised = {"one": [5.0, 1.0], "two": [9.0], "three": []}
-    monkeypatch.setattr(
-        data_module,
-        "score_tests",
-        lambda effect, fit, residual_models: [SimpleNamespace(gain=g) for g in promised[effect.name]],
-    )
-    told: list[str] = []
-    found = diagnosis_data(
-        train=[seen("one", "two", "three")], effects={e.name: e for e in (ONE, TWO, THREE)}, progress=told.append
-    )
-
-    def having(*effects: Any) -> FittedModel:
-        return FittedModel(SimpleNamespace(model=SimpleNamespace(effects=effects)), *[np.zeros(0)] * 4)  # type: ignore[arg-type]
-
-    known = having()
-    assert [(e.name, s[0].gain) for e, s in found.ranked_signatures(known)] == [("two", 9.0), ("one", 5.0)]
-    assert told == ["screening one, 2 left", "screening two, 1 left", "screening three, 0 left"]
-    assert [e.name for e, _ in found.ranked_signatures(having(TWO))] == ["one"]
-    promised["one"] = [0.0]
-    assert len(found.ranked_signatures(known)) == 2  # no model is screened twice
-    assert len(told) == 5
-    assert [e.name for e, _ in found.ranked_signatures(having())] == ["two"]
-
-
-def test_a_candidate_has_both_models_the_p_value_of_its_parameters_and_what_it_replaces(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    before, after = model_fit([10.0, 11.0, 12.0], [5.0, 6.0]), model_fit([5.0, 5.5, 6.5], [4.0, 4.0])
-    monkeypatch.setattr(data_module, "wald_p_value", lambda fit, effect, *_: 0.25)
-    monkeypatch.setattr(data_module, "replaced_base_parameters", lambda fit, effect, _: ("friction.coulomb",))
-    found = diagnosis_data().candidate(before, after, ONE)
-    assert (found.effect, found.reduced, found.full, found.p_value) == (ONE, before, after, 0.25)
-    assert found.replaces == ("friction.coulomb",)
 
 
 # --- the verdict
