@@ -15,13 +15,7 @@ from pneucli.identify.valve.charge_budget import Vessel, conductance_factor
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
-from pneucli.identify.valve.uncertainty import (
-    Budget,
-    Contribution,
-    Measurement,
-    positive_interval,
-    propagated_interval,
-)
+from pneucli.identify.valve.uncertainty import Budget, Contribution, Measurement, positive_interval, propagated_interval
 from pneucli.recording import Calibration, Rig
 from tests.identify_valve.steady_bench import AMBIENT, as_recording, bench_rows
 from tests.simulate.synthetic_experiments import VALVE, model
