@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pneucli import cli
@@ -12,6 +13,21 @@ from pneucli.executors import dask_cluster
 from pneucli.executors.engine import ThreadEngine
 from pneucli.pipeline.graph import STAGES
 from tests.cli.toys import PIPELINE
+
+FRICTION = """
+[pipeline]
+name = "slow"
+[signals]
+time = { column = "t", unit = "s" }
+force = { column = "F", unit = "N" }
+x = { column = "X", unit = "mm" }
+[[recordings]]
+name = "strokes"
+file = "strokes.csv"
+experiment = "friction"
+use = "train"
+chamber_2 = "open"
+"""
 
 
 @dataclass
@@ -32,6 +48,17 @@ def bench(tmp_path: Path) -> Path:
     (tmp_path / "raw.csv").write_text("t,p\n0,1\n1,2\n")
     file = tmp_path / "bench.toml"
     file.write_text(PIPELINE)
+    return file
+
+
+@pytest.fixture
+def strokes(tmp_path: Path) -> Path:
+    """A pipeline of one slow to-and-fro motion, with its raw file."""
+    time = 0.01 * np.arange(400)
+    rows = np.column_stack([time, 30.0 * np.sign(np.cos(time)), 50.0 * np.sin(time), 2.0 + 0.1 * np.sin(time)])
+    np.savetxt(tmp_path / "strokes.csv", rows, delimiter=",", header="t,F,X,P", comments="", fmt="%.6f")
+    file = tmp_path / "slow.toml"
+    file.write_text(FRICTION)
     return file
 
 
