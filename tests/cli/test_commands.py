@@ -2,7 +2,6 @@
 
 import errno
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,8 @@ from pneucli import cli
 from pneucli.cli.commands.effects import plain_equation
 from pneucli.cli.program import build
 from pneucli.messages.look import curve
-from pneucli.paths import from_here
 from pneucli.pipeline.context import Context
-from pneucli.stages.look import look_at, rests
+from pneucli.stages.look import rests
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE
 
@@ -159,15 +157,6 @@ def tank(tmp_path: Path) -> Path:
     return path
 
 
-def test_signals_are_shown_with_curves_rests_and_what_is_left_out(pneucli: Command, tank: Path) -> None:
-    shown = pneucli("look", tank).out
-    assert re.search(r"t \[s\] +time +s ", shown)
-    assert "reads    a tank: valve, 1200 samples, 100 Hz, 11.99 s" in shown
-    assert "▁" in shown
-    assert '"state": texts, "ok" 1200 times' in shown
-    assert f"pneucli init DIR --from '{from_here(str(tank))}'" in " ".join(shown.split())
-
-
 def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) -> None:
     answer = json.loads(pneucli("look", tank, "--json").out)
     assert answer["schema"] == "pneucli/look/1"
@@ -178,11 +167,6 @@ def test_the_answer_says_units_rests_and_doubts(pneucli: Command, tank: Path) ->
     assert {round(one["level"]) for one in signals["u"]["rests"]} == {5, -4, 6, -8}
     least, most = signals["p1"]["noise_ci95"]
     assert 0.0 < least <= signals["p1"]["noise"] <= most
-
-
-def test_a_repair_of_no_signal_names_the_recording_alone(pneucli: Command, tank: Path) -> None:
-    tank.write_text(tank.read_text(encoding="utf-8") + "12.00,-8,1.0", encoding="utf-8")
-    assert "a tank: line 1202, the last, is cut off" in pneucli("look", tank, "-v").out
 
 
 def test_one_sample_of_many_shows_in_the_curve(pneucli: Command, tmp_path: Path) -> None:
@@ -198,26 +182,18 @@ def test_one_sample_of_many_shows_in_the_curve(pneucli: Command, tmp_path: Path)
     assert line.index(max(line)) == int(len(line) * 77.72 / 119.99)
 
 
+def test_a_leak_test_has_a_page_with_its_curve(pneucli: Command, tanks: Path) -> None:
+    page = tanks / "leak.html"
+    done = pneucli("leak", tanks / "decay.csv", "--volume", "2 l", "--limit", "1 l/min", "--html", page)
+    text = page.read_text(encoding="utf-8")
+    assert (done.code, "<svg" in text, "passes" in text) == (0, True, True)
+
+
 def test_a_page_has_a_figure_for_each_signal(pneucli: Command, tank: Path, tmp_path: Path) -> None:
     pneucli("look", tank, "--html", tmp_path / "look.html")
     page = (tmp_path / "look.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 2
     assert "p1 of a tank" in page
-
-
-def test_what_waits_for_people_is_a_doubt_and_the_rest_is_shown(tmp_path: Path) -> None:
-    rows = "".join(f"{u:g},{p:.5f}\n" for u, p in zip(U, P, strict=True))
-    (tmp_path / "a.csv").write_text(f"u [V],p1 [zorps]\n{rows}", encoding="utf-8")
-    answer = look_at([tmp_path / "a.csv"])
-    assert any("time: a ? waits" in one for one in answer.doubts)
-    assert {one.signal for one in answer.columns} == {"u", "p1"}
-
-
-def test_a_file_that_cannot_be_read_is_refused_in_one_line(pneucli: Command, tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("nothing\nhere\n", encoding="utf-8")
-    found = pneucli("look", tmp_path / "a.csv")
-    assert found.code == 2
-    assert "no table of numbers" in found.err
 
 
 def test_a_signal_that_never_rests_has_no_level() -> None:
