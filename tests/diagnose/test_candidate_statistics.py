@@ -24,7 +24,7 @@ from pneucli.diagnose.evidence import (
 )
 from pneucli.diagnose.score import ChannelCost, FittedModel
 from pneucli.identify.estimation.fit import Estimate, Fit
-from pneucli.identify.estimation.parameters import FreeParameter, effect_parameters
+from pneucli.identify.estimation.parameters import effect_parameters
 from pneucli.messages.diagnose import Shift
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.rig_quantities import rig_quantities
@@ -112,25 +112,6 @@ def test_two_parameters_are_tested_together() -> None:
     none = ended("friction-asymmetry", {"asymmetry": 0.0, "viscous_asymmetry": 0.0}, columns, left)
     assert wald_p_value(both, catalogue()["friction-asymmetry"]) < 0.2
     assert wald_p_value(none, catalogue()["friction-asymmetry"]) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("with_base", [False, True])
-def test_a_null_that_is_another_parameter_moves_with_it_where_that_is_fitted_too(with_base: bool) -> None:
-    """Static friction against Coulomb's: the covariance of both goes into the distance; the velocity is held."""
-    rng = RNG(5)
-    columns = 0.02 * rng.standard_normal((N, 3))
-    columns[:, 1] += 0.5 * columns[:, 0]
-    found = ended("stribeck", {"static": 16.0, "velocity": 0.01}, columns[:, 1:], rng.standard_normal(N))
-    if with_base:
-        base = FreeParameter("friction.coulomb", "N", 14.0, 0.0, 1e5, 14.0)
-        found = replace(found, free=(base, *found.free), jacobian=columns)
-    kept = columns[:, :2] if with_base else columns[:, 1:2]
-    slopes = np.array([-14.0, found.free[1].scale]) if with_base else np.array([found.free[0].scale])
-    influence = kept @ np.linalg.inv(kept.T @ kept) @ slopes
-    scores = np.bincount(BLOCKS, influence * found.residual)
-    statistic = (16.0 - 14.0) ** 2 / float(scores @ scores)
-    wanted = fisher.sf(statistic, 1, effective_degrees_of_freedom(scores))
-    assert wald_p_value(found, catalogue()["stribeck"]) == pytest.approx(wanted, rel=1e-6)
 
 
 def test_an_effect_without_fitted_parameters_has_no_test() -> None:
