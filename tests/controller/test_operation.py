@@ -178,34 +178,15 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
     assert commands(sticking(300), scales, rested=10.0) == pytest.approx(known, rel=1e-9, abs=1e-12)
 
 
+RATIOS_AND_COUNTS = (
+    "C_SPOOL_SHARE C_SPOOL_MEAN_SHARE C_SPOOL_LEAD C_FLOW_DELAY C_SENSOR_SHARE C_SENSOR_DELAY C_OBS_SENSOR "
+    "C_OBS_X C_OBS_P C_TABLE_NODES C_STROKE_NODES C_DECELERATION_RATIO C_DEADBAND_GAIN_MAX C_PRESSURE_MODE C_FAMILY "
+    "C_FAMILY_MEMBERS C_FAMILY_WIDTH C_SCALE_1 C_SCALE_2 C_TWO_VALVES C_MIRRORED C_GAMMA C_CRITICAL_RATIO C_TABLE"
+)
+
+
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
-    late = {
-        "C_SPOOL_SHARE",
-        "C_SPOOL_MEAN_SHARE",
-        "C_SPOOL_LEAD",
-        "C_FLOW_DELAY",
-        "C_SENSOR_SHARE",
-        "C_SENSOR_DELAY",
-        "C_OBS_SENSOR",
-    }
-    none = (
-        {"C_TABLE_NODES", "C_STROKE_NODES", "C_DECELERATION_RATIO", "C_DEADBAND_GAIN_MAX", "C_PRESSURE_MODE"}
-        | {"C_FAMILY", "C_FAMILY_MEMBERS", "C_FAMILY_WIDTH"}
-        | late
-        | {
-            "C_SCALE_1",
-            "C_SCALE_2",
-            "C_TWO_VALVES",
-            "C_MIRRORED",
-            "C_GAMMA",
-            "C_CRITICAL_RATIO",
-            "C_OBS_X",
-            "C_OBS_P",
-            "C_TABLE_NODES",
-            "C_PRESSURE_MODE",
-        }
-    )
-    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE", *at.COMPONENT_SWITCHES}
+    assert set(at.PARAMETERS) - set(UNITS) == {*RATIOS_AND_COUNTS.split(), *at.COMPONENT_SWITCHES}
 
 
 def test_every_column_of_a_rows_log_has_one_name() -> None:
