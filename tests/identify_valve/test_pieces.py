@@ -11,7 +11,7 @@ from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.identify.valve import lack_of_fit
 from pneucli.identify.valve.lack_of_fit import LackOfFit, MeasuredGradient
-from pneucli.identify.valve.maps import Coverage, coverage_of, inverse_map
+from pneucli.identify.valve.maps import Coverage, coverage_of
 from pneucli.identify.valve.model_gradient import (
     REPEATABILITY,
     ModelGradient,
@@ -113,23 +113,6 @@ class Straight:
 
 
 LAW: Any = Straight()
-
-
-def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.ones(u.shape, dtype=bool)
-
-
-EVERYWHERE: Any = everywhere
-
-
-def test_a_switching_valve_has_the_closest_gradient_reachable_within_its_interval() -> None:
-    """At 3 bar -4 V, 0 and 4 V give -3.7e5, 3e4 and 4.3e5 Pa/s, to 3000 Pa/s."""
-    asked = np.array([-9e5, -3.7e5 + 5.8e3, -3.7e5 + 6e3, -1e5, 3e4 - 5.8e3, 2e5, 4.3e5 - 6e3, 4.3e5 + 5.8e3])
-    law: Any = Straight()
-    law.form = "switching"
-    found = inverse_map(law, asked, np.array([3e5]), EVERYWHERE)
-    assert found.u[:, 0].tolist() == [-4.0, -4.0, -4.0, 0.0, 0.0, 0.0, 4.0, 4.0]
-    assert found.reachable[:, 0].tolist() == [False, True, False, False, True, False, False, True]
 
 
 # --- the model against measured gradients
