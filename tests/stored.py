@@ -1,8 +1,11 @@
 """Stored answers: a text in a file that a person reads, against which a test holds what the program gives now."""
 
+import json
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,6 +24,13 @@ def hold_against(file: Path, text: str, rel: float = 0.02) -> None:
     changed += [f"+ {line}" for line in found[len(wanted) :]] + [f"- {line}" for line in wanted[len(found) :]]
     if changed:
         pytest.fail(f"{file.name} differs ({STORE}=1 stores it anew):\n" + "\n".join(changed[:40]), pytrace=False)
+
+
+def hold_rows_against(file: Path, gives: Callable[[dict[str, Any]], Any], rel: float) -> None:
+    """Fail where a row of a file, which is a situation, gives something other than is stored under its ``gives``."""
+    rows = json.loads(file.read_text(encoding="utf-8"))
+    lines = [json.dumps(row | {"gives": gives(row)}, ensure_ascii=False) for row in rows]
+    hold_against(file, "[\n " + ",\n ".join(lines) + "\n]\n", rel)
 
 
 def is_like(text: str, stored: str, rel: float) -> bool:

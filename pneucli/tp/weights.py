@@ -223,7 +223,7 @@ def smallest_simplices(h: Array) -> list[Array]:
     References:
         T.-H. Chan, C.-Y. Chi, Y.-M. Huang, W.-K. Ma, IEEE Trans. Signal Process. 57 (2009) 4418-4432.
 
-    >>> from pneucli.tp.simplex import homogeneous
+    >>> from pneucli.tp.weights import homogeneous
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> bool(np.isclose(log_reciprocal_volume(smallest_simplices(h)[0]), -np.log(4.0)))
     True
@@ -245,7 +245,7 @@ def closest_simplex(h: Array) -> Array:
     Returns:
         The simplex, shape (d + 1, d + 1), dimensionless.
 
-    >>> from pneucli.tp.simplex import homogeneous
+    >>> from pneucli.tp.weights import homogeneous
     >>> h = homogeneous(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]))
     >>> (h @ closest_simplex(h)).max(axis=0).round(6)
     array([1., 1., 1.])
@@ -267,7 +267,7 @@ def equal_maxima_simplex(h: Array) -> Array | None:
         The simplex, shape (d + 1, d + 1), dimensionless; None where no start converges.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
-    >>> from pneucli.tp.simplex import homogeneous
+    >>> from pneucli.tp.weights import homogeneous
     >>> h = homogeneous(np.column_stack([np.cos(angle), np.sin(angle)]))
     >>> maxima = (h @ equal_maxima_simplex(h)).max(axis=0)
     >>> bool(np.ptp(maxima) < 1e-9)

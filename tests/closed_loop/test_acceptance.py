@@ -274,14 +274,6 @@ def test_the_proof_names_the_effect_that_limits() -> None:
     assert proof.probability < proof.held / 12
 
 
-def test_no_more_rigs_are_explained_than_name_what_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ensemble, "EXPLAINED_RIGS", 1)
-    slow = RigEnsemble(ENSEMBLE_MODEL, {}, ("valve-lag",))
-    proof = prove(ENSEMBLE_CONTROLLER, slow, TEST, axis.BENCH, rigs=12)
-    assert 12 - proof.held > 1
-    assert (proof.explained, proof.rescued) == (1, {"valve-lag": 1})
-
-
 def test_without_a_failure_nothing_limits() -> None:
     proof = Proof(np.full((59, 4), 0.5), 0, {"valve-lag": 0})
     assert (proof.held, proof.limiting) == (59, "")

@@ -12,7 +12,6 @@ from pneucli.compare.channel_errors import DEFAULT_SHARE, ChannelResult, assess_
 from pneucli.compare.expected_error import ErrorDistribution, ExpectedError, combined_distribution
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate import layout as at
 from pneucli.simulate import noise_propagation
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
@@ -63,13 +62,6 @@ def test_figures_follow_their_definitions() -> None:
     assert of_segments[2] == pytest.approx(np.sum((y - model)[1000 - 4 : 1500 - 6] ** 2) / seen.sum())
 
 
-def test_samples_that_were_not_measured_do_not_count() -> None:
-    error = np.random.default_rng(1).standard_normal(TIME.size)
-    error[500:600] = np.nan
-    left = np.delete(error, TURNS)
-    assert comparison(error).results[0].rmsd == pytest.approx(np.sqrt(np.nanmean(left**2)))
-
-
 def test_the_overall_error_is_the_root_mean_square_of_a_use() -> None:
     def result(use: str, ratio: float) -> ChannelResult:
         return ChannelResult("r", use, "x", "m", 1.0, 1.0, 1.0, 1.0, 1.0, ratio, 1.0)
@@ -92,14 +84,6 @@ def test_the_region_of_an_error_is_found_in_its_own_signal() -> None:
     assert worst.share_of_samples == pytest.approx(bumpy.mean(), abs=0.06)
     share = bumpy.mean()
     assert worst.share_of_error == pytest.approx(26 * share / (25 * share + 1), abs=0.05)  # 1 of noise, 25 on top
-
-
-def test_regions_come_worst_first() -> None:
-    error = np.random.default_rng(3).standard_normal(TIME.size)
-    error[(X > 0.12) & (X < 0.13)] += 5.0
-    excess = [r.share_of_error - r.share_of_samples for r in find_error_regions([comparison(error)])]
-    assert len(excess) > 1
-    assert excess == sorted(excess, reverse=True)
 
 
 def test_noise_has_no_region() -> None:
@@ -222,10 +206,6 @@ def test_uncertain_parameters_add_one_squared_normal_number() -> None:
     assert np.mean(errors > one.limit(0.05)) == pytest.approx(0.05, abs=0.015)
 
 
-def test_without_a_channel_there_is_no_distribution() -> None:
-    assert combined_distribution([]) is None
-
-
 def test_an_error_within_the_limit_of_a_correct_model_has_no_region() -> None:
     error = np.random.default_rng(7).standard_normal(2000)
     error[900:1000] *= 8.0
@@ -268,17 +248,6 @@ def test_undefined_figures_are_nan() -> None:
     assert constant.relative_error_percent == pytest.approx(50.0)
     assert np.isnan(zero.relative_error_percent)
     assert np.isnan(zero.ratio_to_noise)
-
-
-def test_every_sample_has_the_number_of_its_restart() -> None:
-    e = make_experiment("axis", time_grid(0.006), {"u": 0.0}, restarts=(0, 3, 5))
-    assert e.segments.tolist() == [0, 0, 0, 1, 1, 2, 2]
-
-
-def test_the_residual_is_measured_minus_modelled() -> None:
-    e = make_experiment("axis", time_grid(0.001), {"u": 0.0})
-    found = Comparison(e, (), {"x": np.array([3.0, np.nan])}, {"x": np.array([1.0, 1.0])})
-    np.testing.assert_array_equal(found.residual("x"), [2.0, np.nan])
 
 
 def test_the_noise_of_a_correct_model_is_drawn_where_it_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -369,13 +338,6 @@ def test_the_expected_error_is_at_least_the_sensors_noise_unless_filtered(monkey
     assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(1e-9)
 
 
-def test_the_level_is_the_root_of_the_mean_square_over_all_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    e = still({"p1": 1e-9, "p2": 1e-9, "x": 1e-9})
-    draws = [{c: np.full(e.time.size, level) for c in e.channels} for level in (3.0, 4.0)]
-    monkeypatch.setattr(expected_error, "iterate_deviations", lambda *_: iter(draws))
-    assert expected_error.expected_rms(model(), e)["x"] == pytest.approx(np.sqrt(12.5))
-
-
 def test_the_squares_of_all_segments_make_the_mean_square(monkeypatch: pytest.MonkeyPatch) -> None:
     e = still({"x": 1e-9}).with_restarts(0.05)
     drawn = {c: np.linspace(0.0, 1.0, e.time.size) for c in e.channels}
@@ -386,11 +348,3 @@ def test_the_squares_of_all_segments_make_the_mean_square(monkeypatch: pytest.Mo
     assert found.relative_squares("x").size == 2 * e.restarts.size
     assert found.relative_squares("x").mean() == pytest.approx(1.0)
     assert np.all(np.diff(found.squares["x"][0, :-1]) > 0.0)  # the deviation grows over the recording
-
-
-def test_the_velocity_errs_by_its_smoothed_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    e = still({})
-    inputs = e.inputs.copy()
-    inputs[:, at.IN_V] += 0.3
-    assert noise_propagation._reading_noise(e, "v", {}, inputs) == pytest.approx(np.full(e.time.size, 0.3))
-    assert noise_propagation._reading_noise(e, "x", {"x": np.ones(3)}, inputs).tolist() == [1.0, 1.0, 1.0]

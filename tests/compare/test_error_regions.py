@@ -46,14 +46,6 @@ def test_less_than_twice_its_share_is_no_region(height: float, found: bool) -> N
     assert (error_concentration(LINE, squared) is not None) == found
 
 
-def test_twice_its_share_is_a_region() -> None:
-    """Twenty samples in a bin each: a quarter of them holds 15 of 30."""
-    values = np.arange(20.0)
-    found = error_concentration(values, np.where(values < 5, 3.0, 1.0))
-    assert found is not None
-    assert found[2:] == (0.5, 0.25)
-
-
 def test_missing_samples_belong_to_no_region() -> None:
     values, squared = LINE.copy(), np.zeros(N)
     values[:1000] = np.nan
@@ -155,22 +147,6 @@ def test_an_error_at_the_noise_has_no_region(ratio: float, found: bool) -> None:
     assert bool(regions) == found
 
 
-def test_a_region_names_its_channel_signal_and_unit() -> None:
-    (region,) = find_error_regions([comparison(HUMP, 3.0, "run")])
-    assert (region.recording, region.channel, region.signal, region.unit, region.event) == ("run", "p1", "time", "s", 0)
-    assert (region.from_, region.to) == (pytest.approx(0.4, abs=0.01), pytest.approx(0.5, abs=0.01))
-    assert region.share_of_error == pytest.approx(1.0, abs=0.01)
-    assert region.share_of_samples == pytest.approx(0.1, abs=0.01)
-
-
-def test_the_direction_of_motion_has_the_unit_one() -> None:
-    time = time_grid(1.0)
-    v = np.where(time < 0.9, -1.0, 1.0)
-    regions = find_error_regions([comparison(np.where(v > 0, 1.0, 0.0), 3.0, v=v)])
-    assert {r.signal: r.unit for r in regions}.get("direction", "1") == "1"
-    assert {r.event for r in regions} == {0}
-
-
 def test_the_recording_that_errs_more_comes_first_and_is_an_event_of_its_own() -> None:
     mild, bad = comparison(HUMP, 2.0, "mild"), comparison(HUMP, 6.0, "bad")
     assert [(r.recording, r.event) for r in find_error_regions([mild, bad])] == [("bad", 0), ("mild", 1)]
@@ -181,13 +157,6 @@ def test_the_last_sample_belongs_to_the_last_region() -> None:
     time = time_grid(1.0)
     regions = find_error_regions([comparison(np.where(time == time[-1], 1.0, 0.0), 3.0, u=time)])
     assert {(r.signal, r.event) for r in regions} == {("time", 0), ("u", 0)}
-
-
-def test_unmeasured_samples_hold_no_error() -> None:
-    error = HUMP.copy()
-    error[:100] = np.nan
-    (region,) = find_error_regions([comparison(error, 3.0)])
-    assert region.share_of_error == pytest.approx(1.0, abs=0.01)
 
 
 def test_samples_that_are_not_compared_share_no_error() -> None:

@@ -12,12 +12,11 @@ from pneucli.controller import layout as at
 from pneucli.controller.laws import LAWS
 from pneucli.controller.layout import UNITS
 from pneucli.simulate import layout as sim
-from tests.controller.test_cascade import FILL_2, VENT_2, C, opened_share, settings, state
+from tests.controller.test_cascade import C, state
 from tests.design import axis
 
 TIME = 1e-3 * np.arange(4000)
 NULL = -0.5  # V, in the middle between both closing edges
-TWO = settings(TWO_VALVES=1.0)
 
 
 def states(**given: float) -> np.ndarray:
@@ -43,13 +42,6 @@ def test_the_inverse_takes_the_supply_that_is_measured() -> None:
     assert plant.valve_command(full / 8, 1.5e5, 1e-4, s, C) == pytest.approx(4.0)
     assert plant.valve_command(full / 4, 1.5e5, 1e-4, states(), C) == pytest.approx(4.0)
     assert plant.max_pressure_reference(s, C) == pytest.approx(0.5 * 6.5e5)
-
-
-@pytest.mark.parametrize("reading", [np.nan, 0.0, 1.05e5, 3e6, -1.0])
-def test_a_supply_that_cannot_be_is_passed_over(reading: float) -> None:
-    s = states(SUPPLY=6e5)
-    operation.set_supply(reading, s, C)
-    assert s[at.S_SUPPLY] == 6e5
 
 
 @pytest.mark.parametrize("supply", [4e5, 4.5e5])  # 4 bar: the sine takes all but a tenth of the supply
@@ -78,49 +70,6 @@ def test_a_position_that_is_read_every_fourth_sample_is_enough() -> None:
 # --- enable and hold
 
 
-def test_what_is_not_enabled_keeps_its_valves_shut_and_begins_from_rest_again() -> None:
-    s = states(U1=3.0, U2=2.0, V_SHAPED=0.4, FLOW1=1e4)
-    operation.enable(0.0, s)
-    operation.close_valves(s, TWO)
-    assert [s[at.S_U1], s[at.S_U2]] == [NULL, NULL]
-    operation.enable(1.0, s)
-    assert s[at.S_DISABLED] == 0.0
-    assert operation.active_reference(0.15, 0.12, 3e5, 3e5, s, C) == 0.15
-    assert [s[at.S_X], s[at.S_X_SHAPED], s[at.S_V_SHAPED], s[at.S_FLOW1]] == [0.12, 0.12, 0.0, 0.0]
-
-
-def test_a_controller_that_stays_enabled_does_not_begin_again() -> None:
-    s = states(FLOW1=1e4)
-    operation.enable(1.0, s)
-    operation.active_reference(0.15, 0.12, 3e5, 3e5, s, C)
-    assert s[at.S_FLOW1] == 1e4
-
-
-def test_held_it_stops_as_fast_as_the_reference_may_and_then_goes_on() -> None:
-    """From 0.4 m/s at 5 m/s^2 that takes 16 mm."""
-    s = states(X_SHAPED=0.1, V_SHAPED=0.4)
-    operation.pause(1.0, s)
-    assert operation.active_reference(0.19, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
-    s[at.S_X_SHAPED] = 0.11
-    operation.pause(1.0, s)
-    assert operation.active_reference(0.01, 0.1, 3e5, 3e5, s, C) == pytest.approx(0.116)
-    operation.pause(0.0, s)
-    assert operation.active_reference(0.19, 0.1, 3e5, 3e5, s, C) == 0.19
-
-
-def test_hold_waits_for_a_reading_that_is_one() -> None:
-    s = np.zeros(at.L_STATES)
-    operation.pause(1.0, s)
-    operation.active_reference(0.19, np.nan, 3e5, 3e5, s, C)
-    assert operation.active_reference(0.19, 0.07, 3e5, 3e5, s, C) == 0.07
-
-
-def test_a_pressure_is_held_where_it_was_asked_for() -> None:
-    s = states(P1_REF=2.5e5)
-    operation.pause(1.0, s)
-    assert operation.active_reference(4e5, 0.1, 3e5, 3e5, s, settings(PRESSURE_MODE=1.0)) == 2.5e5
-
-
 def test_a_moving_axis_that_is_held_comes_to_rest() -> None:
     found = driven("best", "one-chamber", {"hold": slice(260, 2000)})
     x = found.model[:, sim.X]
@@ -137,51 +86,6 @@ def test_what_a_command_makes_is_what_its_inverse_takes(u: float) -> None:
     made = valve_dynamics.valve_gradient_1(u, 3e5, 1e-4, states(), C)
     assert plant.valve_command(made, 3e5, 1e-4, states(), C) == pytest.approx(u if made else NULL)
     assert (made == 0.0) == (u in (-2.0, 1.0))
-
-
-def test_an_axis_at_rest_is_taken_as_in_balance() -> None:
-    """(4e5 - 1e5) 8 cm^2 - (3e5 - 1e5) 6 cm^2 = 120 N; what the open valve brings, something else takes away."""
-    s = states()
-    operation.reset(0.1, 4e5, 3e5, 4.0, 7.0, s, TWO)
-    assert s[at.S_LOAD] == pytest.approx(-120.0)
-    assert s[at.S_INTEGRAL] == pytest.approx(120.0)
-    assert s[at.S_RATE1] == pytest.approx(valve_dynamics.valve_gradient_1(4.0, 4e5, 1e-4, s, TWO))
-    assert s[at.S_RATE2] == pytest.approx(valve_dynamics.valve_gradient_2(7.0, 3e5, 9e-5, s, TWO))
-    assert [s[at.S_FLOW1], s[at.S_FLOW2]] == pytest.approx([-s[at.S_RATE1], -s[at.S_RATE2]])
-    assert [s[at.S_X], s[at.S_X_SHAPED], s[at.S_V_SHAPED]] == [0.1, 0.1, 0.0]
-
-
-@pytest.mark.parametrize(("x", "p1", "load"), [(0.0, 4e5, -240.0), (0.0, 5e4, 0.0), (0.2, 4e5, 0.0), (0.2, 5e4, 40.0)])
-def test_an_end_stop_carries_what_pushes_toward_it(x: float, p1: float, load: float) -> None:
-    s = states()
-    operation.reset(x, p1, 1e5, 0.0, 0.0, s, C)
-    assert s[at.S_LOAD] == pytest.approx(load)
-
-
-def test_one_spool_drives_the_other_chamber_against_the_first() -> None:
-    mirrored = settings(MIRRORED=1.0)
-    for u, area in ((4.0, -1e-6 * opened_share(4.0, VENT_2)), (-5.0, 2e-6 * opened_share(-5.0, FILL_2))):
-        s = states()
-        operation.reset(0.1, 4e5, 3e5, u, 0.0, s, mirrored)
-        assert s[at.S_RATE2] == pytest.approx(area * plant.pressure_rate_per_area(u < 0.0, 3e5, 9e-5, s, C))
-
-
-def test_what_is_forgotten_leaves_the_supply_and_what_was_switched() -> None:
-    s = states(SUPPLY=6e5, HOLD_REQUEST=2.0, FLOW2=3.0, INTEGRAL=3.0)
-    operation.clear_state(s)
-    assert [s[at.S_SUPPLY], s[at.S_HOLD_REQUEST]] == [6e5, 1.0]
-    assert np.count_nonzero(s) == 2
-
-
-def test_the_carried_command_fades_and_stays_within_the_valves_range() -> None:
-    s = states(U1=9.0)
-    s[at.S_RESET_PHASE], s[at.S_BUMPLESS_OFFSET1] = 1.0, 2.0
-    operation.finish_commands(s, C)
-    assert s[at.S_U1] == 2.0
-    assert s[at.S_BUMPLESS_OFFSET1] == pytest.approx(-7.0 * (1.0 - 0.25 * 1e-3 * 100.0))
-    s[at.S_U1] = -8.0
-    operation.finish_commands(s, C)
-    assert s[at.S_U1] == -9.0
 
 
 @pytest.mark.parametrize("arrangement", axis.ARRANGEMENTS)
@@ -274,34 +178,15 @@ def test_a_sticking_axis_is_controlled_alike_in_all_units(scales: dict[str, floa
     assert commands(sticking(300), scales, rested=10.0) == pytest.approx(known, rel=1e-9, abs=1e-12)
 
 
+RATIOS_AND_COUNTS = (
+    "C_SPOOL_SHARE C_SPOOL_MEAN_SHARE C_SPOOL_LEAD C_FLOW_DELAY C_SENSOR_SHARE C_SENSOR_DELAY C_OBS_SENSOR "
+    "C_OBS_X C_OBS_P C_TABLE_NODES C_STROKE_NODES C_DECELERATION_RATIO C_DEADBAND_GAIN_MAX C_PRESSURE_MODE C_FAMILY "
+    "C_FAMILY_MEMBERS C_FAMILY_WIDTH C_SCALE_1 C_SCALE_2 C_TWO_VALVES C_MIRRORED C_GAMMA C_CRITICAL_RATIO C_TABLE"
+)
+
+
 def test_every_parameter_but_ratios_switches_and_counts_has_a_unit() -> None:
-    late = {
-        "C_SPOOL_SHARE",
-        "C_SPOOL_MEAN_SHARE",
-        "C_SPOOL_LEAD",
-        "C_FLOW_DELAY",
-        "C_SENSOR_SHARE",
-        "C_SENSOR_DELAY",
-        "C_OBS_SENSOR",
-    }
-    none = (
-        {"C_TABLE_NODES", "C_STROKE_NODES", "C_DECELERATION_RATIO", "C_DEADBAND_GAIN_MAX", "C_PRESSURE_MODE"}
-        | {"C_FAMILY", "C_FAMILY_MEMBERS", "C_FAMILY_WIDTH"}
-        | late
-        | {
-            "C_SCALE_1",
-            "C_SCALE_2",
-            "C_TWO_VALVES",
-            "C_MIRRORED",
-            "C_GAMMA",
-            "C_CRITICAL_RATIO",
-            "C_OBS_X",
-            "C_OBS_P",
-            "C_TABLE_NODES",
-            "C_PRESSURE_MODE",
-        }
-    )
-    assert set(at.PARAMETERS) - set(UNITS) == none | {"C_TABLE", *at.COMPONENT_SWITCHES}
+    assert set(at.PARAMETERS) - set(UNITS) == {*RATIOS_AND_COUNTS.split(), *at.COMPONENT_SWITCHES}
 
 
 def test_every_column_of_a_rows_log_has_one_name() -> None:

@@ -1,11 +1,8 @@
 """Linear axes, drawn axes, sectors, PDC and the controller's numbers, each against its definition."""
 
-import json
 import math
 import re
-from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +23,6 @@ from pneucli.design.pdc import Pdc
 from pneucli.design.sliding import axis_systems
 from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices, speed_floor
 from pneucli.errors import InputError
-from pneucli.executors.engine import ThreadEngine
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.build import source
@@ -81,32 +77,6 @@ def test_the_parameter_varying_axis_is_friction_over_speed_and_the_stiffness_of_
     wanted[1, 1:3] = -(friction / speed + C["C_VISCOUS"]) / C["C_MASS"], 1.0 / C["C_MASS"]
     wanted[2, 1], wanted[2, 3] = -stiffness, C["C_AREA_1"] * C["C_GAMMA_R_T"] / VOLUME_1
     assert found == pytest.approx(wanted)
-
-
-def test_the_tensor_model_spans_the_reference_speeds_and_the_middle_of_the_stroke() -> None:
-    model = lpv.axis_model(C, 0.3, "cno")
-    speeds, places = model.grids
-    assert (speeds[0], speeds[-1], speeds.size) == (-C["C_V_MAX"], C["C_V_MAX"], 201)
-    assert (places[0], places[-1], places.size) == (
-        pytest.approx(0.2 * C["C_STROKE"]),
-        pytest.approx(0.8 * C["C_STROKE"]),
-        41,
-    )
-
-
-def test_a_study_starts_15_percent_off_with_half_the_flow_of_the_slower_direction(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    seen: list[Any] = []
-    monkeypatch.setattr(lpv, "_weight_study", lambda *a: seen.append(a) or "done")
-    assert lpv.compare_weight_types(C, 0.3, ("cno", "ino")) == ["done", "done"]
-    _, floor, kind, x0, scale, most = seen[0]
-    assert (floor, kind) == (0.3, "cno")
-    assert x0 == pytest.approx([0.15 * C["C_STROKE"], 0.0, 0.0])
-    force = 0.5 * C["C_AREA_1"] * (0.85 * C["C_SUPPLY"] - 1.3 * C["C_AMBIENT"])
-    assert scale == pytest.approx([0.15 * C["C_STROKE"], C["C_V_MAX"], force])
-    flows = C["C_AREA_FILL"] * C["C_SUPPLY"], C["C_AREA_VENT"] * C["C_P_MEAN"]
-    assert most == pytest.approx(0.5 * min(flows) * C["C_K_GAS"] * 0.484)
 
 
 def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
@@ -212,13 +182,6 @@ def test_a_sector_is_too_steep_beyond_a_fifth_a_sample(slope: float, warned: boo
 # --- drawn axes
 
 
-def test_a_draw_without_spread_is_the_model() -> None:
-    model, effect, sizes = AxisDistribution(MODEL, {}, {}, ()).draw(1, 5)
-    assert (effect, sizes) == ("", {})
-    assert model.valve == MODEL.valve
-    assert dict(model.values) == dict(MODEL.values)
-
-
 def test_all_areas_of_a_valve_vary_together_and_volumes_by_their_tolerance() -> None:
     axes = AxisDistribution(MODEL, {"no.such": 1.0}, {"valve.areas": 0.02, "rig.dead_volume_1": 0.1}, ())
     drawn = [axes.draw(1, k)[0] for k in range(400)]
@@ -229,14 +192,6 @@ def test_all_areas_of_a_valve_vary_together_and_volumes_by_their_tolerance() -> 
     assert np.mean(volumes) == pytest.approx(1.0, abs=0.02)
     assert np.std(volumes) == pytest.approx(0.1, rel=0.1)
     assert "no.such" not in drawn[0].values
-
-
-def test_a_drawn_effect_is_added_to_the_model() -> None:
-    lag = catalogue()["valve-lag"]
-    model, name, sizes = AxisDistribution(MODEL, {}, {}, (lag,)).draw(1, 1)
-    assert name == "valve-lag"
-    assert [e.name for e in model.effects] == ["stribeck", "valve-lag"]
-    assert model.values["valve-lag.time_constant"] == sizes["valve-lag.time_constant"]
 
 
 @pytest.mark.parametrize(
@@ -345,38 +300,6 @@ def test_what_decides_the_rows_decides_the_key(changed: dict[str, Any]) -> None:
 
 def test_the_number_of_runs_and_the_limits_do_not() -> None:
     assert study(runs=5, checks={}).key() == study().key()
-
-
-def test_runs_go_in_chunks_of_sixteen_in_order_and_progress_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(robustness, "run_draw", lambda study, k: [{"run": k}])
-    told: list[tuple[str, float]] = []
-    with closing(ThreadEngine(1)) as one:
-        rows = robustness.run_study(study(), one, tmp_path, lambda message, share: told.append((message, share)))
-    assert [r["run"] for r in rows] == list(range(40))
-    assert told == [("0 of 3 chunks", 0.0), ("1 of 3 chunks", 1 / 3), ("2 of 3 chunks", 2 / 3), ("3 of 3 chunks", 1.0)]
-    files = sorted(p.name for p in tmp_path.rglob("*.json"))
-    assert files == ["000000_16.json", "000016_16.json", "000032_8.json"]
-    assert [r["run"] for r in json.loads(next(tmp_path.rglob("000032_8.json")).read_text())] == list(range(32, 40))
-
-
-def test_a_row_says_what_was_drawn_and_which_checks_it_held(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pneucli.closed_loop.metrics import Metrics
-
-    seen: list[Any] = []
-    monkeypatch.setattr(robustness, "simulate", lambda *a, **k: seen.append((a, k)))
-    figures = dict.fromkeys(Metrics.__dataclass_fields__, 1.0) | {
-        "load_error": np.nan,
-        "cycle_um": 10.0,
-        "steady_um": 10.1,
-    }
-    monkeypatch.setattr(robustness, "evaluate_run", lambda *_: Metrics(**figures))
-    (row,) = robustness.run_draw(study(checks={"steady_um": 10.0, "cycle_um": 10.0, "load_error": 0.1}), 3)
-    assert row["held"] == {"steady_um": False, "cycle_um": True}
-    assert (row["run"], row["scenario"], row["effect"]) == (3, "test", "valve-lag")
-    assert set(row["sizes"]) == {"valve-lag.time_constant"}
-    assert seen[0][1] == {"seed": 4}
 
 
 def test_a_check_that_no_run_shows_has_no_rate() -> None:

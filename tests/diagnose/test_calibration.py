@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.diagnose import calibration
-from pneucli.diagnose.calibration import (
-    MIN_NAMED_PROBABILITY,
-    Evidence,
-    likelihood_shares,
-    presence_rate,
-    probability,
-)
+from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, Evidence, likelihood_shares, presence_rate, probability
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.score import FittedModel
 from tests.diagnose.candidates import costing

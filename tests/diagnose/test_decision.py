@@ -3,37 +3,16 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from pneucli.diagnose.calibration import Evidence, presence_rate, probability
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.decision import (
-    Judgement,
-    _significance_and_size,
-    is_complete,
-    judge,
-    log_odds_among_equivalents,
-)
+from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
 from pneucli.diagnose.equivalence import Term
-from pneucli.diagnose.evidence import significance
 from pneucli.diagnose.score import ErrorsByUse
-from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.estimation.parameters import FreeParameter
-from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
 from tests.diagnose.candidates import StatedErrors
-from tests.diagnose.synthetic_data import (
-    LARGEST,
-    READINGS,
-    RESIDUAL_MODEL,
-    Facts,
-    SyntheticData,
-    alone,
-    effect,
-    synthetic_data,
-)
-from tests.simulate.synthetic_experiments import model
+from tests.diagnose.synthetic_data import LARGEST, READINGS, Facts, SyntheticData, alone, effect, synthetic_data
 
 A = effect("a")
 
@@ -80,39 +59,6 @@ def test_the_evidence_where_only_noise_is_left() -> None:
 
 def test_without_free_run_errors_the_share_is_unknown() -> None:
     assert judged(replace(ONLY_NOISE, free_run_errors=None)).evidence.share is None
-
-
-def test_the_inflation_of_a_ratio_is_that_of_its_product() -> None:
-    """A gain of 0.4 +- 0.3 per bar and friction of 2 +- 1.5 N, known together: the product is 0.8 +- 0.16 N per bar.
-
-    Model error makes it 0.32 N per bar, by the covariance of both; that of the gain alone hardly grows.
-    """
-    friction = catalogue()["pressure-friction"]
-    free = (
-        FreeParameter("friction.coulomb", "N", 2.0, 0.0, 1e3, 1.0),
-        FreeParameter("pressure-friction.gain", "1/bar", 0.4, 0.0, 20.0, 1.0, multiplies=("friction.coulomb",)),
-    )
-    by_blocks = np.array([[2.25, -0.45], [-0.45, 0.0964]])
-    product = np.array([0.4, 2.0])  # derivatives of the product by friction and gain
-    variance = float(product @ by_blocks @ product)
-    direction = by_blocks @ product
-    widened = by_blocks + 3.0 * np.outer(direction, direction) / variance  # 4 times that of the product
-    assert product @ widened @ product == pytest.approx(4.0 * variance)
-    readings = np.arange(4000)
-    jacobian = np.random.default_rng(2).normal(size=(readings.size, 2))
-    fit = Fit(
-        model(["pressure-friction"], {"friction.coulomb": 2.0, "pressure-friction.gain": 0.4}),
-        *(free, (), np.random.default_rng(3).normal(size=readings.size), jacobian, readings // 100, by_blocks, 0.0, ()),
-    )
-
-    class Widened(SyntheticData):
-        def with_intervals(self, fitted: object) -> Fit:
-            return replace(fit, covariance=widened)
-
-    data = Widened([RESIDUAL_MODEL], [], {})
-    fitted = replace(data.model_with([]), fit=fit)
-    found, _ = _significance_and_size(data, fitted, friction)
-    assert found == pytest.approx(0.5 * significance(fit, friction))
 
 
 # --- the decision

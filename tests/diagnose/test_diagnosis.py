@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose import diagnosis
 from pneucli.diagnose.calibration import WEIGHTS_DISCREPANCY, presence_rate, probability
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.score import FittedModel
@@ -217,15 +216,3 @@ def test_every_effect_of_the_catalogue_has_one_decision_and_a_probability() -> N
         found = diagnosed(stated(excess, {"ab": 0.9}, a=0.8, b=0.3))
         assert sorted(reasons(found)) == sorted(found.confidence) == ["a", "b", "c"]
         assert all(0.0 < one.alone <= one.of_set < 1.0 for one in found.confidence.values())
-
-
-def test_the_discrepancy_of_the_last_model_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[Any] = []
-    monkeypatch.setattr(
-        diagnosis, "describe_discrepancies", lambda data, fit, left: told.extend([fit, *left]) or ["unknown"]
-    )
-    found = diagnosed(stated(10.0, a=0.8))
-    assert found.discrepancies == ("unknown",)
-    fit, channel = told
-    assert [e.name for e in fit.model.effects] == ["a"]
-    assert channel.ratio == pytest.approx(3.0**0.5)

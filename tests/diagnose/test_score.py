@@ -38,28 +38,6 @@ def test_a_cost_is_the_square_and_the_log_determinant_of_a_residual() -> None:
     assert found == pytest.approx(residual**2 + 0.1)
 
 
-@pytest.mark.parametrize(
-    ("drawn", "level", "left"),
-    [
-        (1.0, 3.0, 3.0),  # as much noise as the sensors': nothing is allowed
-        (2.0, 3.0, np.sqrt(9.0 - 3.0)),  # four times the power: the sensors' and three more
-        (2.0, 1.0, np.sqrt(1.0 - 0.75)),  # no more noise than what is left
-        (0.95, 3.0, np.sqrt(9.0 + 0.0975)),  # less than the sensors' is shown: the difference is added
-        (0.5, 3.0, np.sqrt(9.0 + 0.2)),  # but no more than a fifth of the power
-    ],
-)
-def test_residuals_are_corrected_for_the_noise_of_the_model(drawn: float, level: float, left: float) -> None:
-    residual = np.concatenate([np.full(500, level), np.full(500, 7.0)])
-    found = correct_for_model_noise([view_of()], [{"p1": drawn, "p2": 1.0}], residual)
-    assert found[0] == pytest.approx(max(left, np.sqrt(0.8 * min(level**2, 1.0))))
-    assert np.ptp(found[:500]) == pytest.approx(0.0)
-    assert found[500:] == pytest.approx(np.full(500, 7.0))
-
-
-def test_zero_residuals_stay_zero() -> None:
-    assert not correct_for_model_noise([view_of()], [{"p1": 2.0, "p2": 2.0}], np.zeros(1000)).any()
-
-
 def test_costs_and_counts_are_summed_by_block_and_by_channel(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two blocks of 250 samples of two channels, the second twice as large; three residuals of the first are zero."""
     monkeypatch.setattr(

@@ -10,54 +10,11 @@ import pytest
 from pneucli.diagnose import selection as rounds
 from pneucli.diagnose.data import DiagnosisData, Refit, run_locally
 from pneucli.diagnose.score import FittedModel
-from pneucli.physics.effects import catalogue
-from tests.diagnose.candidates import candidate, diagnosis_data, model_fit
 from tests.diagnose.synthetic_data import Facts, SyntheticData, alone, effect, synthetic_data
-
-BEFORE = model_fit()
 
 
 def signature(gain: float) -> Any:
     return SimpleNamespace(gain=gain)
-
-
-def test_effects_below_the_screening_limit_are_not_promising(monkeypatch: pytest.MonkeyPatch):
-    """Beside a promise of 5000 one of 40 is no start worth a fit."""
-    ranked = [(catalogue()["extra-mass"], [signature(5000.0)]), (catalogue()["stribeck"], [signature(40.0)])]
-    monkeypatch.setattr(DiagnosisData, "ranked_signatures", lambda self, model_fit: ranked)
-    monkeypatch.setattr(
-        DiagnosisData,
-        "refit_with",
-        lambda self, before, effects, found: [candidate(e.name, before=before) for e in effects],
-    )
-    monkeypatch.setattr(DiagnosisData, "refit_to_convergence", lambda self, tried: tried)
-    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck", "heat-transfer")})
-    where.__dict__["hypothesis_count"] = 50
-    assert {d.effect.name: d.reason for d in rounds.screen_and_refit(where, BEFORE)} == {
-        "extra-mass": "supported",
-        "stribeck": "not-promising",
-        "heat-transfer": "not-promising",  # its signature raises the cost: the screen does not even rank it
-    }
-    beside = rounds.screen_and_refit(where, BEFORE, ["extra-mass"])
-    assert {d.effect.name: d.reason for d in beside} == {"stribeck": "supported", "heat-transfer": "not-promising"}
-
-
-@pytest.mark.parametrize(("named", "ended"), [(None, 1), (4001.0, 1), (3000.0, 0)])
-def test_only_candidates_near_the_reference_are_refitted_to_convergence(
-    monkeypatch: pytest.MonkeyPatch, named: float | None, ended: int
-):
-    """A rival that leaves 4000: it is the best of its round, and far from what leaves 3000."""
-    rival, polished = candidate("extra-mass", 4000.0, before=BEFORE), []
-    monkeypatch.setattr(
-        DiagnosisData, "ranked_signatures", lambda self, model_fit: [(rival.effect, [signature(5000.0)])]
-    )
-    monkeypatch.setattr(DiagnosisData, "refit_with", lambda *_: [rival])
-    monkeypatch.setattr(
-        DiagnosisData, "refit_to_convergence", lambda self, candidates: polished.extend(candidates) or candidates
-    )
-    where = replace(diagnosis_data(), effects={n: catalogue()[n] for n in ("extra-mass", "stribeck")})
-    rounds.screen_and_refit(where, BEFORE, ["stribeck"], None if named is None else model_fit(["stribeck"], named))
-    assert len(polished) == ended
 
 
 def screened(**gains: float) -> set[str]:

@@ -1,6 +1,6 @@
 """What is left over: its size, its shape over a signal, and manoeuvres that would tell more."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,14 +57,6 @@ def shaped(share: float, p_value: float) -> Shape:
 def test_the_limits_on_fitted_and_held_out_data_differ(one: LackOfFit, train: bool, test: bool) -> None:
     assert bool(significant_lack_of_fit([one], [])) == train
     assert bool(significant_lack_of_fit([], [one])) == test
-
-
-def test_the_worst_comes_first() -> None:
-    assert [r.ratio for r in significant_lack_of_fit([left(1.5, 1.5), left(3.0, 1.3)], [left(2.0, 2.0)])] == [
-        3.0,
-        2.0,
-        1.5,
-    ]
 
 
 def test_the_bulk_of_normal_noise_is_its_deviation_and_ignores_the_worst() -> None:
@@ -187,45 +179,6 @@ def test_a_lack_of_fit_is_relative_to_a_correct_model() -> None:
     assert found.trimmed_ratio < found.ratio * 1.05
     assert "force" not in {s.variable for s in found.shapes}
     assert [s.share for s in found.shapes] == sorted((s.share for s in found.shapes), reverse=True)
-
-
-class Seen:
-    """A view that knows what it is asked for, of three samples."""
-
-    channels = ("force", "a", "x")
-    noise: ClassVar = {"force": 2.0, "a": 0.5, "x": 1.0}
-    left: ClassVar = {"force": np.array([4.0, 6.0, 8.0]), "a": np.array([0.0, 1.0, 1.0]), "x": np.zeros(3)}
-
-    def initial_state_sensitivity(self, model: str) -> str:
-        return f"carried by {model}"
-
-    def residual(self, model: str, errors: str) -> dict[str, np.ndarray]:
-        assert (model, errors) == ("known", "carried by known")
-        return self.left
-
-    def monte_carlo_rms(self, model: str, errors: str, draws: int, seed: int) -> dict[str, float]:
-        assert (model, errors, draws) == ("known", "carried by known", adequacy.NOISE_DRAWS)
-        return {"force": 3.0, "a": 0.7, "x": 1.0}
-
-
-class Bounded(Seen):
-    left: ClassVar = Seen.left | {"gap": np.array([0.4, 0.5, 0.6])}
-
-
-def test_residuals_of_a_kind_of_view_are_pooled_by_channel_in_units_of_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a force is but bounded nothing counts; a channel of which nothing is left has no remainder."""
-    monkeypatch.setattr(adequacy, "_channel_lack_of_fit", lambda kind, channel, members: (kind, channel, members))
-    one, two, other = Seen(), Seen(), Bounded()
-    known: Any = "known"
-    found: Any = adequacy.lack_of_fit_by_channel(known, [one, other, two])  # type: ignore[list-item]
-    assert [(kind, channel, len(members)) for kind, channel, members in found] == [
-        (Seen, "force", 2), (Seen, "a", 2), (Bounded, "force", 1),
-    ]  # fmt: skip
-    (first, values, expected), (second, _, _) = found[0][2]
-    assert (first, second) == (one, two)
-    assert (values.tolist(), expected) == ([2.0, 3.0, 4.0], 3.0)
-    assert found[1][2][0][1:][1] == 1.0  # no less than the sensors' own noise
-    assert found[2][2][0][1].tolist() == [2.0, 0.0, 0.0]
 
 
 def test_a_friction_that_drifts_shows_against_the_motion() -> None:

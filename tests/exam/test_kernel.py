@@ -1,32 +1,23 @@
-"""Every term of the rig's equations by itself, against what a textbook says of it."""
+"""The rig's equations: laws that a textbook states, each term of them as stored, and how a step ends."""
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
-from pneucli.exam.rig.hose import SPEED_OF_SOUND
-from pneucli.exam.rig.kernel import (
-    MAX_STEP,
-    P1,
-    P2,
-    PS,
-    T1,
-    T2,
-    VL,
-    XL,
-    V,
-    X,
-    Z,
-)
-from pneucli.exam.rig.parameters import ONE_CHAMBER, Parameters
+from pneucli.exam.rig.kernel import MAX_STEP, P1, P2, PS, T1, T2, VL, XL, V, X, Z
+from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation
+from tests.stored import hold_rows_against
 
+STORED = Path(__file__).parent / "stored" / "terms.json"
 PAR = Parameters(coulomb=15.0, viscous=50.0, overlap=0.5, exponent=2.0)
 C_V = GAS_CONSTANT / (KAPPA - 1.0)
-HALF_A_STEP = MAX_STEP / math.log(2.0)  # s, of a lag that takes half the way in one step
 
 
 def state(**given: float) -> np.ndarray:
@@ -54,58 +45,6 @@ def test_flow_is_choked_below_the_critical_ratio_and_falls_on_an_ellipse_above_i
     assert found == pytest.approx(share * choked(2e-6, 5e5, 300.0), rel=1e-9)
 
 
-def test_nothing_flows_against_the_pressure(plain: SimpleNamespace) -> None:
-    assert plain.orifice_flow(2e-6, 5e5, 300.0, 6e5, 0.4) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("volts", "area"), [(0.3, 0.0), (0.5, 0.0), (-0.5, 0.0), (5.25, 5e-7), (-5.25, -5e-7), (10, 2e-6)]
-)
-def test_beyond_the_overlap_the_area_is_a_power_of_the_opening(
-    plain: SimpleNamespace, volts: float, area: float
-) -> None:
-    """Half of the way from 0.5 V to 10 V, squared, is a quarter."""
-    assert plain.valve_area(PAR, volts, 3.0) == pytest.approx(area)
-
-
-def test_a_gain_that_drifts_changes_the_area_over_time(plain: SimpleNamespace) -> None:
-    assert plain.valve_area(PAR._replace(gain_drift=0.1), 10.0, 3.0) == pytest.approx(1.3 * 2e-6)
-
-
-def test_an_open_valve_feeds_from_the_supply_or_into_the_ambient(plain: SimpleNamespace) -> None:
-    s = state()
-    into = plain.valve_flow(PAR, 1e-6, 0.0, s)
-    out = plain.valve_flow(PAR, -1e-6, 0.0, s)
-    assert into == (pytest.approx(choked(1e-6, 7e5, PAR.temperature)), 0.0)
-    assert out == (0.0, pytest.approx(choked(1e-6, 3e5, 290.0)))
-
-
-def test_a_leaky_valve_feeds_both_ways_at_once(plain: SimpleNamespace) -> None:
-    leaky = PAR._replace(valve_leak_area=1e-7)
-    shut, open_ = (plain.valve_flow(leaky, area, 0.0, state()) for area in (0.0, 1e-6))
-    assert shut == pytest.approx((choked(1e-7, 7e5, PAR.temperature), choked(1e-7, 3e5, 290.0)))
-    assert open_ == pytest.approx((choked(1.1e-6, 7e5, PAR.temperature), shut[1]))
-
-
-def test_a_ripple_of_the_supply_shows_in_what_flows_in(plain: SimpleNamespace) -> None:
-    rippling = PAR._replace(ripple=1e5, ripple_frequency=5.0)
-    at_crest, at_zero = (plain.valve_flow(rippling, 1e-6, t, state())[0] for t in (0.05, 0.1))
-    assert at_crest == pytest.approx(choked(1e-6, 8e5, PAR.temperature))
-    assert at_zero == pytest.approx(choked(1e-6, 7e5, PAR.temperature))
-
-
-def test_a_clogged_silencer_throttles_large_flows_more(plain: SimpleNamespace) -> None:
-    free = choked(1e-6, 3e5, 290.0)
-    clogged = plain.valve_flow(PAR._replace(silencer=300.0), -1e-6, 0.0, state())[1]
-    assert clogged == pytest.approx(free / (1.0 + 300.0 * free))
-
-
-def test_the_valves_critical_ratio_is_its_own(plain: SimpleNamespace) -> None:
-    """At 0.6 of the upstream pressure an orifice of ratio 0.2 has left its choked branch by half of the rest."""
-    found = plain.valve_flow(PAR._replace(critical_ratio=0.2), 1e-6, 0.0, state(P1=4.2e5))[0]
-    assert found == pytest.approx(math.sqrt(0.75) * choked(1e-6, 7e5, PAR.temperature))
-
-
 @pytest.mark.parametrize(("q", "inflow", "growth", "conductance"), [(1e-3, 320.0, 0.0, 0.5), (-1e-3, 310.0, 2e-4, 0.0)])
 def test_a_chamber_keeps_mass_and_energy(
     plain: SimpleNamespace, q: float, inflow: float, growth: float, conductance: float
@@ -127,89 +66,6 @@ def test_without_heat_transfer_a_chamber_keeps_its_temperature(plain: SimpleName
     assert dp == pytest.approx(1.4 * (287.0 * PAR.temperature * 1e-3 - 3e5 * 2e-4) / 1e-4)
 
 
-def gas(plain: SimpleNamespace, par: Parameters, s: np.ndarray, q_in: float = 0.0, q_out: float = 0.0, held: int = 0):
-    ds = np.zeros(10)
-    plain.gas_rates(par, s, (q_in, q_out, 0.0, 0.0), held, ds)
-    return ds
-
-
-WARM = PAR._replace(heat_conductance=0.0, piston_area_1=8e-4, piston_area_2=7e-4, dead_volume_2=20e-6)
-VOLUMES = (30e-6 + 8e-4 * 0.1, 20e-6 + 7e-4 * 0.1)
-
-
-def masses(s: np.ndarray, ds: np.ndarray) -> tuple[float, float]:
-    """Rates of both masses in kg/s while the piston rests, from the rates of p and T."""
-    return tuple(  # type: ignore[return-value]
-        volume / (287.0 * s[t]) * (ds[p] - s[p] * ds[t] / s[t])
-        for volume, p, t in zip(VOLUMES, (P1, P2), (T1, T2), strict=True)
-    )
-
-
-def energies(ds: np.ndarray) -> tuple[float, float]:
-    return VOLUMES[0] * ds[P1] / 0.4, VOLUMES[1] * ds[P2] / 0.4
-
-
-def test_the_valve_feeds_only_chamber_1(plain: SimpleNamespace) -> None:
-    s = state()
-    ds = gas(plain, WARM, s, 2e-3, 5e-4)
-    assert masses(s, ds) == pytest.approx((1.5e-3, 0.0))
-    assert energies(ds) == pytest.approx((KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 290.0), 0.0))
-
-
-def test_a_second_valve_feeds_only_chamber_2(plain: SimpleNamespace) -> None:
-    s, ds = state(T2=280.0), np.zeros(10)
-    plain.gas_rates(WARM, s, (0.0, 0.0, 2e-3, 5e-4), 0, ds)
-    assert masses(s, ds) == pytest.approx((0.0, 1.5e-3))
-    assert energies(ds) == pytest.approx((0.0, KAPPA * C_V * (2e-3 * WARM.temperature - 5e-4 * 280.0)))
-
-
-@pytest.mark.parametrize(("p1", "p2", "direction"), [(6e5, 2e5, 1.0), (2e5, 6e5, -1.0)])
-def test_a_leaky_piston_seal_moves_mass_and_energy_from_the_higher_to_the_lower_pressure(
-    plain: SimpleNamespace, p1: float, p2: float, direction: float
-) -> None:
-    s = state(P1=p1, P2=p2)
-    ds = gas(plain, WARM._replace(piston_leak_area=1e-7), s)
-    donor = s[T1] if direction > 0 else s[T2]
-    over = direction * choked(1e-7, 6e5, donor)
-    assert masses(s, ds) == pytest.approx((-over, over))
-    assert energies(ds) == pytest.approx((-KAPPA * C_V * donor * over, KAPPA * C_V * donor * over))
-
-
-def test_a_leak_of_chamber_1_loses_to_the_ambient_or_draws_from_it(plain: SimpleNamespace) -> None:
-    leaky = WARM._replace(leak_area=1e-7)
-    full, thin = state(), state(P1=0.3e5)
-    lost, drawn = choked(1e-7, 3e5, 290.0), choked(1e-7, leaky.ambient, leaky.temperature)
-    assert masses(full, gas(plain, leaky, full))[0] == pytest.approx(-lost)
-    assert masses(thin, gas(plain, leaky, thin))[0] == pytest.approx(drawn)
-    assert energies(gas(plain, leaky, full))[0] == pytest.approx(-KAPPA * C_V * 290.0 * lost)
-    assert energies(gas(plain, leaky, thin))[0] == pytest.approx(KAPPA * C_V * leaky.temperature * drawn)
-
-
-def test_a_leak_of_chamber_2_leaves_chamber_1_alone(plain: SimpleNamespace) -> None:
-    leaky, s, thin = WARM._replace(leak_area_2=1e-7), state(T2=280.0), state(P2=0.3e5)
-    assert masses(s, gas(plain, leaky, s)) == pytest.approx((0.0, -choked(1e-7, 2.5e5, 280.0)))
-    assert masses(thin, gas(plain, leaky, thin))[1] == pytest.approx(choked(1e-7, leaky.ambient, leaky.temperature))
-
-
-def test_leaks_of_chamber_2_are_laminar_or_open_under_pressure_like_those_of_chamber_1(plain: SimpleNamespace) -> None:
-    same = {"P1": 2.5e5, "T1": 290.0, "P2": 2.5e5, "T2": 290.0}
-    for field, value in (("laminar_conductance", 1e-11), ("relief_growth", 1e-12)):
-        one, other = (
-            masses(
-                state(**same),
-                gas(plain, WARM._replace(**{field + side: value, "relief_pressure" + side: 1e5}), state(**same)),
-            )
-            for side in ("", "_2")
-        )
-        assert one[0] < 0.0 == one[1]
-        assert other == pytest.approx((0.0, one[0]))
-
-
-def test_a_dead_volume_of_chamber_2_slows_its_pressure(plain: SimpleNamespace) -> None:
-    more, usual = (gas(plain, par, state(V=0.5)) for par in (WARM._replace(dead_volume_added_2=VOLUMES[1]), WARM))
-    assert (more[P1], more[P2]) == pytest.approx((usual[P1], 0.5 * usual[P2]))
-
-
 def test_walls_grow_with_the_chamber_and_a_vessel_is_as_long_as_it_is_wide(plain: SimpleNamespace) -> None:
     """A bore of 32 mm over 100 mm: 2 pi r^2 + 2 pi r l; a can of diameter d = l: 1.5 pi d^2 around pi d^3 / 4."""
     r = 0.016
@@ -218,150 +74,53 @@ def test_walls_grow_with_the_chamber_and_a_vessel_is_as_long_as_it_is_wide(plain
     assert plain.wall_area(0.0, math.pi / 4 * 0.06**3) == pytest.approx(1.5 * math.pi * 0.06**2)
 
 
-def test_convection_warms_each_chamber_by_its_own_walls(plain: SimpleNamespace) -> None:
-    s, par = state(), WARM._replace(wall_coefficient=50.0)
-    warmed = np.array(energies(gas(plain, par, s))) - energies(gas(plain, WARM, s))
-    areas = zip((par.piston_area_1, par.piston_area_2), VOLUMES, strict=True)
-    walls = [50.0 * plain.wall_area(area, volume) for area, volume in areas]
-    assert warmed == pytest.approx([walls[0] * (par.temperature - 290.0), walls[1] * (par.temperature - 300.0)])
+# --- each term, as stored
 
 
-PUMP = PAR._replace(pump_flow=2e-3, pump_clearance=1.0 / 4e5)
+def terms(plain: SimpleNamespace, par: Parameters, s: np.ndarray, t: float) -> Iterator[tuple[str, object]]:
+    """All that the equations make of a state at time t in s: areas, flows, rates, forces and where the spool goes."""
+    for volts in (0.3, 5.25, -10.0):
+        area = plain.valve_area(par, volts, t)
+        yield f"area at {volts} V", area
+        yield f"flows at {volts} V", plain.valve_flow(par, area, t, s)
+        yield f"flows at {volts} V of chamber 2", plain.valve_flow(par, plain.valve_area_2(par, volts, t), t, s, 1)
+        yield f"pump at {volts} V", plain.pump_flow(par, volts, s[P1])
+        yield f"regulated at {volts} V", plain.regulated_opening(par, volts, s[P1])
+        yield f"spool at {volts} V", plain._spool(par, MAX_STEP, volts, volts - 0.5, 1.5, 1.2)
+    for held in (0, 1, 2):
+        ds = np.zeros(10)
+        plain.state_rates(par, t, s, 1.0, (1e-3, 2e-4, 3e-4, 4e-4), held, ds)
+        yield f"rates, {held} held", ds.tolist()
+    yield "coupling", plain.coupling_force(par, s)
+    yield "net force", plain.net_force(par, t, s)
+    for direction in (1.0, -1.0):
+        yield f"dry friction {direction:+.0f}", plain.dry_friction(par, t, s, direction)
+        yield f"acceleration {direction:+.0f}", plain.acceleration(par, t, s, direction, np.zeros(10))
+    for push in (0.7, 1.2, 1.45, -3.0):
+        pushed = s.copy()
+        pushed[V], pushed[P2] = 0.0, par.ambient
+        pushed[P1] = par.ambient + push * par.coulomb / max(par.piston_area_1, 1e-4)
+        yield f"breaks away at {push}", plain.motion_sign(par, t, pushed, 0.3)
 
 
-@pytest.mark.parametrize(
-    ("volts", "gauge", "flow"), [(10, 0, 2e-3), (5, 0, 1e-3), (5, 1e5, 0.75e-3), (10, 4e5, 0), (10, 5e5, 0), (-5, 0, 0)]
-)
-def test_a_pump_delivers_by_its_speed_and_less_against_pressure(
-    plain: SimpleNamespace, volts: float, gauge: float, flow: float
-) -> None:
-    assert plain.pump_flow(PUMP, volts, PUMP.ambient + gauge) == pytest.approx(flow)
+def test_what_each_parameter_changes_is_as_stored(plain: SimpleNamespace) -> None:
+    """Of each row: the parameters, state and time (s) that are others than usual, and the terms that differ."""
+
+    def told(row: dict[str, Any]) -> dict[str, str]:
+        par, s, t = PAR._replace(**row.get("parameters", {})), state(**row.get("state", {})), row.get("time", 0.0)
+        numbers = ((name, np.atleast_1d(np.array(one, float)) + 0.0) for name, one in terms(plain, par, s, t))
+        return {name: " ".join(f"{one:.6g}" for one in values) for name, values in numbers}
+
+    def gives(row: dict[str, Any]) -> dict[str, str]:
+        like = told({**row, "parameters": {}}) if "parameters" in row else told({}) if "state" in row else {}
+        return {
+            name: one for name, one in told({k: row[k] for k in row if k != "gives"}).items() if one != like.get(name)
+        }
+
+    hold_rows_against(STORED, gives, rel=1e-5)
 
 
-def test_what_slips_in_a_pump_does_not_go_with_its_speed(plain: SimpleNamespace) -> None:
-    slipping = PUMP._replace(pump_slip=2e-9)
-    for volts in (5.0, 10.0):
-        lost = plain.pump_flow(PUMP, volts, PUMP.ambient + 1e5) - plain.pump_flow(slipping, volts, PUMP.ambient + 1e5)
-        assert lost == pytest.approx(2e-4)
-    assert plain.pump_flow(slipping, 1.0, PUMP.ambient + 1e5) == 0.0
-
-
-LOOP = PAR._replace(command_range=5.0, regulated_span=5e5, regulated_band=0.5e5)
-
-
-@pytest.mark.parametrize(
-    ("asked", "gauge", "opening"), [(0, 2.5e5, 0), (5, 4.9e5, 1.0), (-5, 0.1e5, -1.0), (0, 0, 5.0), (0, 5e5, -5.0)]
-)
-def test_a_valve_with_a_pressure_loop_opens_by_the_error_of_its_pressure(
-    plain: SimpleNamespace, asked: float, gauge: float, opening: float
-) -> None:
-    assert plain.regulated_opening(LOOP, asked, LOOP.ambient + gauge) == pytest.approx(opening)
-    assert plain.regulated_opening(PAR, asked, LOOP.ambient + gauge) == asked
-
-
-def test_motion_compresses_one_chamber_and_expands_the_other(plain: SimpleNamespace) -> None:
-    ds = gas(plain, WARM, state(V=0.5))
-    assert ds[P1] == pytest.approx(-1.4 * 3e5 * 8e-4 * 0.5 / VOLUMES[0])
-    assert ds[P2] == pytest.approx(1.4 * 2.5e5 * 7e-4 * 0.5 / VOLUMES[1])
-
-
-def test_an_added_dead_volume_belongs_to_chamber_1(plain: SimpleNamespace) -> None:
-    more = gas(plain, WARM._replace(dead_volume_added=VOLUMES[0]), state(), 1e-3)
-    assert more[P1] == pytest.approx(0.5 * gas(plain, WARM, state(), 1e-3)[P1])
-
-
-@pytest.mark.parametrize(("held", "moved"), [(0, [True, True]), (1, [True, False]), (2, [False, False])])
-def test_pressures_that_are_held_do_not_change(plain: SimpleNamespace, held: int, moved: list[bool]) -> None:
-    ds = gas(plain, WARM, state(V=0.5), 1e-3, 0.0, held)
-    assert [bool(ds[P1]), bool(ds[P2])] == moved
-
-
-def test_a_supply_of_finite_volume_falls_and_is_fed_up_to_its_setting(plain: SimpleNamespace) -> None:
-    par = WARM._replace(supply=7.5e5, supply_volume=2e-3, regulator_conductance=1e-8)
-    rate = gas(plain, par, state(), 2e-3)[PS]
-    assert rate == pytest.approx(1.4 * 287.0 * par.temperature * (1e-8 * 0.5e5 - 2e-3) / 2e-3)
-    assert gas(plain, par, state(PS=8e5))[PS] == 0.0
-    assert gas(plain, WARM, state(), 2e-3)[PS] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("changed", "s", "direction", "t", "levels"),
-    [
-        ({}, {}, 1.0, 0.0, (15.0, 15.0)),
-        ({"static": 25.0}, {}, 1.0, 0.0, (25.0, 25.0)),
-        ({"static": 25.0}, {"V": -0.01}, 1.0, 0.0, (20.0, 20.0)),  # half the rise at the Stribeck velocity
-        ({"static": 10.0}, {}, 1.0, 0.0, (15.0, 15.0)),
-        ({"static": 25.0, "drop": 0.4}, {}, 1.0, 0.0, (25.0, 9.0)),
-        ({"static": 25.0, "drop": 0.0}, {}, 1.0, 0.0, (25.0, 15.0)),  # one Coulomb level, no rise while slowing (6.21)
-        ({"drop": 0.4, "viscous_drop": 0.5, "viscous": 50.0}, {"V": -0.2}, -1.0, 0.0, (15.0, 9.0 - 5.0)),
-        ({"drop": 0.0, "viscous_drop": -0.5, "viscous": 50.0}, {"V": 0.2}, 1.0, 0.0, (15.0, 15.0)),  # never more
-        ({"viscous_drop": 0.5, "viscous": 50.0}, {"V": 0.2}, 1.0, 0.0, (15.0, 15.0)),  # both branches are one
-        ({"asymmetry": 0.2}, {}, 1.0, 0.0, (18.0, 18.0)),
-        ({"asymmetry": 0.2}, {}, -1.0, 0.0, (12.0, 12.0)),
-        ({"pressure_gain": 1e-6}, {"P1": 3e5, "P2": 2.026e5}, 1.0, 0.0, (19.5, 19.5)),  # 3 bar over ambient in sum
-        ({"position_from": 0.1, "position_to": 0.2, "position_gain": 1.0}, {}, 1.0, 0.0, (30.0, 30.0)),
-        ({"position_from": 0.0, "position_to": 0.1, "position_gain": 1.0}, {}, 1.0, 0.0, (30.0, 30.0)),
-        ({"position_from": 0.11, "position_to": 0.2, "position_gain": 1.0}, {}, 1.0, 0.0, (15.0, 15.0)),
-        ({"running_in": 0.5}, {}, 1.0, 1.5 * math.log(2.0), (11.25, 11.25)),  # half of the half is lost
-        ({"running_in": 0.5}, {}, 1.0, 0.0, (15.0, 15.0)),
-    ],
-)
-def test_dry_friction_while_speeding_up_and_slowing(
-    plain: SimpleNamespace, changed: dict, s: dict, direction: float, t: float, levels: tuple[float, float]
-) -> None:
-    found = plain.dry_friction(PAR._replace(stribeck_velocity=0.01, **changed), t, state(**s), direction)
-    assert found == pytest.approx(levels, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("stretch", "rate", "force"), [(0.012, 0.3, 20.0 + 1.5), (-0.012, 0.3, -20.0 + 1.5), (0.0019, 0.3, 0.0)]
-)
-def test_a_load_pulls_beyond_half_its_gap(plain: SimpleNamespace, stretch: float, rate: float, force: float) -> None:
-    loaded = PAR._replace(load_mass=1.0, load_stiffness=2000.0, load_damping=5.0, load_gap=4e-3)
-    found = plain.coupling_force(loaded, state(XL=0.1 + stretch, VL=rate + 0.1, V=0.1))
-    assert found == pytest.approx(force)
-
-
-def test_a_load_is_moved_by_what_moves_the_piston(plain: SimpleNamespace) -> None:
-    loaded = PAR._replace(load_mass=0.5, load_stiffness=2000.0)
-    s, ds = state(XL=0.11, VL=0.2), np.zeros(10)
-    plain.state_rates(loaded, 0.0, s, 0.0, (0.0, 0.0, 0.0, 0.0), 2, ds)
-    assert ds[XL] == 0.2
-    assert ds[VL] == pytest.approx(-20.0 / 0.5)
-    assert plain.net_force(loaded, 0.0, s) - plain.net_force(PAR, 0.0, s) == pytest.approx(20.0)
-
-
-def test_pressures_push_by_their_areas_above_ambient(plain: SimpleNamespace) -> None:
-    par = PAR._replace(piston_area_1=8e-4, piston_area_2=7e-4)
-    assert plain.net_force(par, 0.0, state()) == pytest.approx(8e-4 * (3e5 - 101300) - 7e-4 * (2.5e5 - 101300))
-
-
-@pytest.mark.parametrize(
-    ("changed", "s", "t", "more"),
-    [
-        ({"constant_force": 16.0}, {}, 0.0, -16.0),
-        ({"spring_stiffness": 200.0, "spring_rest": 0.03}, {}, 0.0, -14.0),
-        ({"pitch_force": 9.0, "pitch": 0.02}, {"X": 0.105}, 0.0, -9.0),
-        ({"pitch_force": 9.0, "pitch": 0.02}, {"X": 0.1}, 0.0, 0.0),
-        ({"swinging_force": 9.0, "swinging_frequency": 1.25}, {}, 0.2, -9.0),
-        ({"viscous_asymmetry": 0.2}, {"V": 0.5}, 0.0, -5.0),
-        ({"viscous_asymmetry": 0.2}, {"V": -0.5}, 0.0, -5.0),
-        ({"warming": 0.4}, {"V": 0.5}, 1.5 * math.log(2.0), 5.0),
-        ({"quadratic_drag": 200.0}, {"V": 0.5}, 0.0, -50.0),
-        ({"quadratic_drag": 200.0}, {"V": -0.5}, 0.0, 50.0),
-        ({"cushion_length": 0.06, "cushion_damping": 100.0}, {"V": 0.5, "X": 0.17}, 0.0, -25.0),  # half of the way in
-        ({"cushion_length": 0.06, "cushion_damping": 100.0}, {"V": -0.5, "X": 0.03}, 0.0, 25.0),
-        ({"cushion_length": 0.06, "cushion_damping": 100.0}, {"V": -0.5, "X": 0.17}, 0.0, 0.0),
-        ({"cushion_length": 0.06, "cushion_damping": 100.0}, {"V": 0.5, "X": 0.1}, 0.0, 0.0),
-    ],
-)
-def test_other_forces_on_the_piston(plain: SimpleNamespace, changed: dict, s: dict, t: float, more: float) -> None:
-    found = plain.net_force(PAR._replace(**changed), t, state(**s)) - plain.net_force(PAR, t, state(**s))
-    assert found == pytest.approx(more, abs=1e-9)
-
-
-def test_viscous_friction_opposes_motion(plain: SimpleNamespace) -> None:
-    assert plain.net_force(PAR, 0.0, state(V=0.5)) - plain.net_force(PAR, 0.0, state()) == pytest.approx(-25.0)
+# --- the loop
 
 
 def pushed(force: float, par: Parameters = PAR, **given: float) -> np.ndarray:
@@ -369,67 +128,6 @@ def pushed(force: float, par: Parameters = PAR, **given: float) -> np.ndarray:
     s = state(P2=par.ambient, **given)
     s[P1] = par.ambient + (force + par.viscous * s[V]) / par.piston_area_1
     return s
-
-
-@pytest.mark.parametrize(
-    ("force", "mode", "wanted"),
-    [
-        (45.0, 1.0, 10.0),  # (45 - 15) N over 3 kg
-        (-45.0, -1.0, -10.0),
-        (9.0, 1.0, 0.0),  # between the branches of a hysteresis the velocity is kept
-        (3.0, 1.0, -1.0),  # slowing, at the lower branch: (3 - 6) N
-        (-3.0, -1.0, 1.0),
-        (45.0, 0.0, 0.0),  # it sticks
-    ],
-)
-def test_force_beyond_dry_friction_accelerates_the_mass(
-    plain: SimpleNamespace, force: float, mode: float, wanted: float
-) -> None:
-    par = PAR._replace(drop=0.6, mass=2.0, extra_mass=1.0)
-    s = pushed(force, par, V=0.1 * mode)
-    assert plain.acceleration(par, 0.0, s, mode, np.zeros(10)) == pytest.approx(wanted, abs=1e-9)
-
-
-def test_bristles_bend_and_carry_the_piston(plain: SimpleNamespace) -> None:
-    """dz/dt = v - stiffness |v| z / level; force = stiffness z + damping dz/dt (Dahl)."""
-    par, ds = PAR._replace(bristle_stiffness=1e4, bristle_damping=20.0), np.zeros(10)
-    s = pushed(30.0, par, V=-0.1, Z=-6e-4)
-    found = plain.acceleration(par, 0.0, s, -1.0, ds)
-    bending = -0.1 + 1e4 * 0.1 * 6e-4 / 15.0
-    assert ds[Z] == pytest.approx(bending)
-    assert found == pytest.approx((30.0 + 6.0 - 20.0 * bending) / par.mass)
-
-
-@pytest.mark.parametrize(
-    ("force", "given", "rest", "mode"),
-    [
-        (15.1, {}, 0.0, 1.0),
-        (14.9, {}, 0.0, 0.0),
-        (-15.1, {}, 0.0, -1.0),
-        (5.0, {"V": -0.01}, 0.0, -1.0),  # what moves goes on
-        (50.0, {"X": 0.0}, 0.0, 1.0),
-        (-50.0, {"X": 0.2}, 0.0, -1.0),
-        (21.0, {}, 0.4 * math.log(2.0), 1.0),  # a dwell of that long has grown friction by a quarter: 18.75 N
-        (18.0, {}, 0.4 * math.log(2.0), 0.0),
-    ],
-)
-def test_a_piston_breaks_away_beyond_dry_friction(
-    plain: SimpleNamespace, force: float, given: dict, rest: float, mode: float
-) -> None:
-    par = PAR._replace(dwell_gain=0.5, dwell_time=0.4)
-    assert plain.motion_sign(par, 0.0, pushed(force, par, **given), rest) == mode
-
-
-def test_a_vessel_has_no_motion(plain: SimpleNamespace) -> None:
-    ds = np.zeros(10)
-    plain.state_rates(
-        PAR._replace(piston_area_1=0.0, piston_area_2=0.0), 0.0, state(V=1.0), 1.0, (1e-3, 0.0, 0.0, 0.0), 0, ds
-    )
-    assert (ds[X], ds[V]) == (0.0, 0.0)
-    assert ds[P1] > 0.0
-
-
-# --- the loop
 
 
 def coasting(plain: SimpleNamespace, v: float, par: Parameters, steps: int = 1, rest: float = 0.0):
@@ -468,30 +166,6 @@ def test_motion_that_turns_under_load_goes_on_in_the_new_direction_within_the_st
     assert s[V] == pytest.approx(-7.5 * 0.5 * MAX_STEP, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("changed", "before", "after"),
-    [
-        ({}, (0.0, 0.0, 0.0), (4.0, 4.0, 4.0)),
-        ({"spool_stiction": 1.0}, (2.5, 2.5, 2.5), (4.0, 4.0, 4.0)),
-        ({"spool_stiction": 1.0}, (3.5, 3.5, 3.5), (3.5, 3.5, 3.5)),
-        ({"spool_stiction": 1.0}, (3.0, 3.0, 3.0), (3.0, 3.0, 3.0)),
-        ({"valve_lag": HALF_A_STEP}, (0.0, 0.0, 0.0), (4.0, 2.0, 2.0)),
-        ({"valve_lag": HALF_A_STEP, "spool_stiction": 1.0}, (0.0, 0.0, 0.0), (4.0, 2.0, 2.0)),
-        ({"valve_lag": HALF_A_STEP, "spool_stiction": 1.0}, (3.5, 1.5, 1.5), (3.5, 2.5, 2.5)),
-        ({"sluggish_opening": HALF_A_STEP, "spool_stiction": 1.0}, (3.5, 1.5, 1.5), (3.5, 2.5, 2.5)),
-        ({"sluggish_opening": HALF_A_STEP}, (4.0, 5.0, 5.0), (4.0, 4.0, 4.0)),
-        ({"valve_half_width": 0.5}, (0.0, 0.0, 0.0), (4.0, 4.0, 3.5)),
-        ({"valve_half_width": 0.5}, (0.0, 0.0, 9.0), (4.0, 4.0, 4.5)),
-        ({"valve_half_width": 0.5}, (0.0, 0.0, 4.2), (4.0, 4.0, 4.2)),
-    ],
-)
-def test_spool_and_opening_follow_a_command_of_4_v(
-    plain: SimpleNamespace, changed: dict, before: tuple[float, float, float], after: tuple[float, float, float]
-) -> None:
-    """Each in the order: where the spool goes, where it is, the opening; of a spool that sticks the lag stays."""
-    assert plain._spool(PAR._replace(**changed), MAX_STEP, 4.0, *before) == pytest.approx(after)
-
-
 def test_imposed_pressures_are_linear_between_samples_and_held_at_the_end(plain: SimpleNamespace) -> None:
     rows = np.array([[1.0, 10.0], [3.0, 30.0]])
     assert plain._interpolated(rows, 0, 0.25) == pytest.approx([1.5, 15.0])
@@ -527,17 +201,6 @@ def test_open_and_imposed_chambers_keep_their_pressure(plain: SimpleNamespace) -
     # half a step before the sample
     assert seen["p1"][1:] == pytest.approx(given[1:, 0] - 0.5 * 1e4 * 1e3 * MAX_STEP)
     assert seen["p2"][1:] == pytest.approx(given[1:, 1] - 0.5 * 1e4 * 1e3 * MAX_STEP)
-
-
-def test_the_gas_of_a_hose_is_not_in_its_chamber_as_well(plain: SimpleNamespace) -> None:
-    """Without flow and heat a moving piston makes dp/dt = -kappa p A v / V of what the hose leaves of the chamber."""
-    bore, delay, ds = 2e-3, 1e-3, np.zeros(10)
-    par = PAR._replace(hose_bore=bore, line_delay=delay, heat_conductance=0.0, arrangement=ONE_CHAMBER)
-    plain.state_rates(par, 0.0, state(V=0.1), 1.0, (0.0, 0.0, 0.0, 0.0), 0, ds)
-    chamber_1 = PAR.dead_volume_1 - 0.25 * math.pi * bore**2 * SPEED_OF_SOUND * delay + PAR.piston_area_1 * 0.1
-    chamber_2 = PAR.dead_volume_2 + PAR.piston_area_2 * (PAR.stroke - 0.1)  # which no valve feeds
-    assert ds[P1] == pytest.approx(-KAPPA * 3e5 * PAR.piston_area_1 * 0.1 / chamber_1)
-    assert ds[P2] == pytest.approx(KAPPA * 2.5e5 * PAR.piston_area_2 * 0.1 / chamber_2)
 
 
 def test_a_line_delays_the_flow_by_its_steps(plain: SimpleNamespace) -> None:

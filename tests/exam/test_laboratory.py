@@ -10,7 +10,7 @@ from pneucli.errors import InputError
 from pneucli.exam import cases
 from pneucli.exam.hidden_effects import CATALOGUE, UNCATALOGUED
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
-from pneucli.exam.rig.excitations import closed_loop, stick_slip, two_sine_reference, valve_step
+from pneucli.exam.rig.excitations import two_sine_reference
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation
@@ -23,35 +23,6 @@ RNG = np.random.default_rng
 
 
 # --- manoeuvres
-
-
-@pytest.mark.parametrize("rate", [5e3, 12e3])
-def test_stick_slip_opens_the_valve_as_far_as_the_rate_needs(rate: float) -> None:
-    """The choked flow through that opening (2.46) fills the stuck chamber at the rate (2.47)."""
-    par = PAR._replace(dead_volume_added=5e-6)
-    move = stick_slip(par, rate)
-    (volts,) = set(move.command)
-    area = par.effective_area * ((volts - par.overlap) / (10.0 - par.overlap)) ** par.exponent
-    flow = 0.484 * area * par.supply * np.sqrt(2.0 / (287.0 * par.temperature))
-    assert 1.4 * 287.0 * par.temperature * flow / (35e-6 + par.piston_area_1 * 0.03) == pytest.approx(rate)
-    assert (move.command.size, move.position, move.chamber_2_open) == (5000, 0.03, True)
-    assert (move.pressure_1, move.pressure_2) == (par.ambient, par.ambient)
-
-
-def test_a_closed_loop_begins_in_balance_on_its_reference() -> None:
-    par = PAR._replace(piston_area_1=8e-4, piston_area_2=6e-4)
-    move = closed_loop(par, np.array([0.12, 0.13]), 150.0, 1.5e5)
-    assert (move.position, move.gain, move.chamber_2_open, move.velocity) == (0.12, 150.0, False, 0.0)
-    assert move.pressure_1 == par.ambient + 1.5e5
-    assert 8e-4 * (move.pressure_1 - par.ambient) == pytest.approx(6e-4 * (move.pressure_2 - par.ambient))
-
-
-def test_a_load_toward_zero_is_carried_by_chamber_1() -> None:
-    par = PAR._replace(piston_area_1=8e-4, piston_area_2=6e-4)
-    assert stick_slip(par, 5e3, load=40.0).pressure_1 == pytest.approx(par.ambient + 40.0 / 8e-4)
-    move = closed_loop(par, np.array([0.12]), 150.0, 1.5e5, load=40.0)
-    assert 8e-4 * (move.pressure_1 - par.ambient) == pytest.approx(6e-4 * (move.pressure_2 - par.ambient) + 40.0)
-    assert closed_loop(par, np.array([0.12]), 150.0, 1.5e5, load=1e3).pressure_2 == par.ambient
 
 
 def test_a_reference_wanders_about_the_middle_and_within_the_stroke() -> None:
@@ -96,13 +67,6 @@ def test_only_p1_has_the_offset_and_the_curve_and_both_have_the_scale() -> None:
     assert seen["p2"][0] == pytest.approx(1.1e5)
 
 
-def test_a_lag_is_exact_for_a_ramp_and_at_rest_before() -> None:
-    """A lag T of r t is r (t - T (1 - exp(-t/T)))."""
-    time = 1e-3 * np.arange(1000)
-    seen = readings(PAR._replace(pressure_lag=0.02), QUIET, p1=PAR.ambient + 1e5 + 2e5 * time)["p1"]
-    assert seen == pytest.approx(1e5 + 2e5 * (time - 0.02 * (1 - np.exp(-time / 0.02))))
-
-
 def test_positions_are_counted_in_steps_and_acceleration_is_noisy() -> None:
     seen = readings(PAR, Sensors(pressure=0.0, acceleration=0.3, position_step=1e-4), x=np.linspace(0.0, 1e-2, 1000))
     assert seen["x"] / 1e-4 == pytest.approx(np.round(seen["x"] / 1e-4), abs=1e-9)
@@ -121,13 +85,7 @@ def test_each_pressure_sensor_has_its_own_noise_and_hum_of_50_hz() -> None:
     assert Sensors() == Sensors(400.0, 0.0, 0.0, 1e-6, 0.05)
 
 
-# --- files
-
-
 # --- the pipeline file
-
-
-STEP, SLIP = valve_step(PAR, 4.0), stick_slip(PAR, 5e3)
 
 
 def pipeline(laboratory: Laboratory, *takes: RecordingPlan) -> dict:

@@ -37,13 +37,6 @@ CASES = Path(os.environ.get("PNEUCLI_CASES", Path(__file__).parents[3] / "shared
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)
 
 
-def test_a_choked_vessel_fills_at_the_rate_of_the_isentropic_chamber():
-    par = VESSEL._replace(effective_area=1e-6, exponent=1.0)
-    p = simulate_rig(par, Excitation(np.full(100, 10.0), pressure_1=par.ambient))["p1"]
-    q = 1e-6 * par.supply * np.sqrt(2 / (GAS_CONSTANT * par.temperature)) * 0.484  # thesis 2.46
-    assert np.diff(p) / 1e-3 == pytest.approx(KAPPA * GAS_CONSTANT * par.temperature * q / 160e-6, rel=1e-9)
-
-
 def test_the_whole_curve_of_charge_and_discharge_agrees_with_scipy():
     par = VESSEL._replace(heat_conductance=0.5)
     move = valve_step(par, 5.0)

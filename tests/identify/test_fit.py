@@ -10,11 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pneucli.executors import engine
 from pneucli.identify.estimation import model_fit
-from pneucli.identify.estimation.blocks import block_labels, copy_nonzero, group_scores, residual_slices
+from pneucli.identify.estimation.blocks import block_labels, group_scores
 from pneucli.identify.estimation.fit import Fit, fit, merge_partial_fit
-from pneucli.identify.estimation.model_fit import Similar
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, with_prior_knowledge
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion
@@ -251,10 +249,6 @@ def test_scores_of_a_block_add_up_before_they_are_squared() -> None:
     assert (scored.T @ scored).tolist() == [[4.0, 8.0], [8.0, 16.0]]
 
 
-def test_without_a_free_parameter_each_block_has_no_score() -> None:
-    assert group_scores(np.zeros((4, 0)), np.ones(4), np.array([0, 0, 1, 1])).shape == (2, 0)
-
-
 def test_a_block_may_come_back_and_another_be_empty() -> None:
     """Channels follow one another, each through the blocks anew."""
     scored = group_scores(np.ones((5, 1)), np.array([1.0, 2.0, 4.0, 8.0, 16.0]), np.array([0, 2, 2, 0, 2]))
@@ -314,48 +308,10 @@ def problem(*free: FreeParameter) -> LeastSquaresProblem:
     return LeastSquaresProblem(model(values={"friction.coulomb": 10.0, "friction.viscous": 50.0}), [Line()], free)  # type: ignore[list-item]
 
 
-def test_differences_are_taken_inward_at_the_upper_bound_and_to_both_sides_of_an_edge() -> None:
-    near, edge = replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05)
-    assert problem(COULOMB)._steps(np.array([1.0]), 0) == (1e-4,)
-    assert problem(near)._steps(np.array([1.0]), 0) == (-1e-4,)
-    assert problem(edge)._steps(np.array([1.0]), 0) == (0.05, -0.05)
-
-
-def test_differences_to_the_other_side_stay_within_the_bounds() -> None:
-    other = problem(COULOMB)
-    other.backward = True
-    assert other._steps(np.array([1.0]), 0) == (-1e-4,)
-    assert other._steps(other.bounds()[0], 0) == (1e-4,)
-
-
 @pytest.mark.parametrize("free", [replace(COULOMB, upper=10.0005), replace(COULOMB, step=0.05), COULOMB])
 def test_any_difference_gives_the_derivative_of_a_line(free: FreeParameter) -> None:
     p = problem(free)
     assert p.jacobian(p.start)[: 2 * N, 0] == pytest.approx(np.concatenate([-5.0 * WAVES["x"], 0 * TIME]), abs=1e-6)
-
-
-def test_coordinates_and_bounds_are_in_units_of_the_scale() -> None:
-    p = problem(COULOMB, VISCOUS)
-    assert p.start.tolist() == [1.0, 2.0]
-    assert [b.tolist() for b in p.bounds()] == [[0.0, 0.0], [100.0, 40.0]]
-    at = p.model_at(np.array([2.0, 3.0]))
-    assert (at.values["friction.coulomb"], at.values["friction.viscous"]) == (20.0, 75.0)
-
-
-def test_residuals_are_computed_once_for_the_same_coordinates() -> None:
-    p = problem(COULOMB)
-    assert p.residuals(np.array([1.0])) is p.residuals(np.array([1.0]))
-    assert p.residuals(np.array([1.0])) is not p.residuals(np.array([1.1]))
-    assert p.residuals(np.array([1.1]))[:N] == pytest.approx((Line().measured["x"] - 11.0 * WAVES["x"]) / 2.0)
-
-
-def test_long_recordings_are_simulated_one_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "thread_count", lambda: 8)
-    p = problem(COULOMB)
-    assert p.max_parallel == 8
-    for samples, together in ((10**7, 1), (400_000, 3), (10**5, 8)):
-        p.residual_models = [SimpleNamespace(experiment=SimpleNamespace(time=np.empty(samples)))]  # type: ignore[list-item]
-        assert p.max_parallel == together
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e6])
@@ -366,31 +322,6 @@ def test_corrected_derivatives_reproduce_the_step_in_any_units_and_stay_zero_whe
     p.correct_jacobian(near, np.zeros(2), move * [1.0, scale], truth @ move)
     assert (near * [1.0, scale])[: 2 * N] == pytest.approx(truth[: 2 * N], abs=1e-9)  # one parameter a channel
     assert not near[:N, 1].any()
-
-
-def test_a_draft_evaluates_the_derivatives_alone_that_its_start_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Derivatives of a similar model lead to the same minimum; a fit to the end evaluates its own there."""
-    first, wanted = fitted(COULOMB), fitted(COULOMB, VISCOUS)
-    evaluated: list[tuple[int, ...]] = []
-    plain = LeastSquaresProblem.evaluate_columns
-
-    def evaluate(self: LeastSquaresProblem, z: np.ndarray, columns: Any, out: np.ndarray) -> None:
-        evaluated.append(tuple(columns))
-        plain(self, z, columns, out)
-
-    monkeypatch.setattr(LeastSquaresProblem, "evaluate_columns", evaluate)
-    views: Any = [Line()]
-    near = replace(first, jacobian=0.9 * first.jacobian)
-    start = Similar(near, views).start([COULOMB, VISCOUS], views)
-    assert (start.own, start.is_exact) == ((1,), False)
-    draft = fit(first.model, views, [COULOMB, VISCOUS], start=start, is_draft=True)
-    assert {*evaluated} == {(1,)}
-    found = fit(first.model, views, [COULOMB, VISCOUS], start=start)
-    assert (0, 1) in evaluated
-    for one in (draft, found):
-        assert one["friction.viscous"].value == pytest.approx(wanted["friction.viscous"].value, rel=1e-4)
-    assert found.covariance == pytest.approx(wanted.covariance, rel=1e-3)
-    assert not draft.covariance.any()
 
 
 # --- joining
@@ -432,14 +363,3 @@ def test_a_fit_that_goes_on_from_its_end_keeps_its_errors_whatever_its_coordinat
     then = model_fit.refit(first, [Line()])
     for before, after in zip(first.estimates, then.estimates, strict=True):
         assert (after.value, after.error) == pytest.approx((before.value, before.error), rel=1e-3)
-
-
-def test_zeros_of_derivatives_are_not_written():
-    source, target = np.zeros(6), np.full(6, 7.0)
-    source[4] = 2.0
-    copy_nonzero(source, [slice(0, 3), slice(3, 6)], target, [slice(0, 3), slice(3, 6)], factor=3.0)
-    assert target.tolist() == [7.0, 7.0, 7.0, 0.0, 6.0, 0.0]
-
-
-def test_each_residual_model_has_its_rows():
-    assert residual_slices([Line(("x",)), Line()]) == [slice(0, N), slice(N, 3 * N)]

@@ -10,7 +10,6 @@ from pneucli.identify.residuals import ForceBalance
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording
-from pneucli.simulate import layout as at
 from pneucli.simulate.outputs import accelerometer_offset
 from pneucli.simulate.preparation import prepare
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
@@ -87,15 +86,6 @@ def test_acceleration_is_a_force_of_the_mass() -> None:
         assert ForceBalance(e).residual(model())["force"][INSIDE] == pytest.approx(np.zeros(961), abs=0.05)
 
 
-def test_the_smoothed_away_part_of_the_pressures_is_a_force() -> None:
-    view = pushed(0.0, a=7.0)
-    raw = {"p1": np.full(TIME.size, 100.0), "p2": np.full(TIME.size, 50.0)}
-    inputs = np.zeros((TIME.size, len(at.INPUTS)))
-    inputs[:, at.IN_P1], inputs[:, at.IN_P2] = 40.0, 20.0
-    assert view._removed_force(raw, inputs) == pytest.approx(np.full(TIME.size, 60.0 * AREA_1 - 30.0 * AREA_2))
-    assert view._acceleration_and_removed_force[0] == pytest.approx(np.full(TIME.size, 7.0))
-
-
 def test_without_an_accelerometer_position_gives_the_acceleration_and_its_error() -> None:
     time = 1e-3 * np.arange(2000)
     read = 0.01 * np.sin(10.0 * time) + 2e-6 * np.random.default_rng(0).standard_normal(time.size)
@@ -131,26 +121,6 @@ def test_an_accelerometer_in_motion_is_not() -> None:
     assert not view.residual(model())["a"].any()
 
 
-def test_unsmoothed_noise_of_the_pressures_is_left_in_the_force_as_it_is() -> None:
-    view = pushed(20.0, 0.1)
-    view.experiment.noise.update({"p1": NoiseModel(300.0), "p2": NoiseModel(400.0)})
-    left, rate = view._remaining_force_noise
-    spread = np.hypot(300.0 * AREA_1, 400.0 * AREA_2)
-    assert left == pytest.approx(spread)
-    assert rate == pytest.approx(spread / 2**0.5 / 1e-3, rel=0.1)  # a central difference over 2 ms
-
-
-def test_smoothing_takes_its_share_of_the_noise() -> None:
-    view = pushed(20.0, 0.1)
-    e = view.experiment
-    e.noise.update({"p1": NoiseModel(500.0)})
-    e.raw["p1"] = e.raw["p1"] + 300.0 * np.where(np.arange(TIME.size) % 2, 1.0, -1.0)
-    e.smoothers["p1"] = lambda drawn: 0.8 * drawn  # type: ignore[assignment]
-    left, rate = view._remaining_force_noise
-    assert left == pytest.approx(AREA_1 * 400.0)  # of 500, 300 were taken out
-    assert rate == pytest.approx(0.8 * AREA_1 * 500.0 / 2**0.5 / 1e-3, rel=0.1)
-
-
 def test_drawn_noise_propagates_like_the_sensors_noise() -> None:
     """A balance of unsmoothed pressures in motion: the noise of both, once; the accelerometer always its own."""
     view = pushed(30.0, 0.1)
@@ -163,11 +133,6 @@ def test_drawn_noise_propagates_like_the_sensors_noise() -> None:
     at_rest = still.monte_carlo_rms(model(), {}, 1, 11)
     assert at_rest["a"] == 1.0
     assert at_rest["force"] < 0.01  # friction holds the piston, and takes the noise too
-
-
-def test_nothing_is_added_to_the_squares_of_forces() -> None:
-    """No start of a simulation errs; force and accelerometer, a sample each."""
-    assert resting().log_determinant({}).tolist() == [0.0] * (2 * TIME.size)
 
 
 @pytest.mark.parametrize(("effect", "channels"), [("acceleration-bias", ("a",)), ("constant-force", ())])

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +16,8 @@ from pneucli.identify.residuals.force_balance import breakaway_velocities, uncer
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.experiment import segment_lengths
-from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.linear import LinearValve
-from tests.simulate.synthetic_experiments import RIG, VALVE, held_commands, make_experiment, model, time_grid
+from tests.simulate.synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(4.0)
 X = 0.1 + 0.03 * np.sin(2 * np.pi * TIME)
@@ -263,23 +261,6 @@ def covariance(first: int, last: int) -> np.ndarray:
     return np.eye(e.size) + np.outer(e, e)
 
 
-def test_a_residual_is_whitened_by_the_inverse_root_of_each_segments_covariance() -> None:
-    residual = np.random.default_rng(1).standard_normal(1000)
-    found = initial_state.apply_whitening(residual, ERROR[None], STARTS)
-    for first, last in ((0, 300), (300, 700), (700, 1000)):
-        values, vectors = np.linalg.eigh(covariance(first, last))
-        root = vectors @ np.diag(values**-0.5) @ vectors.T
-        assert found[first:last] == pytest.approx(root @ residual[first:last], abs=1e-9)
-
-
-def test_the_log_determinant_is_spread_over_the_segment() -> None:
-    found = initial_state.log_determinant(ERROR[None], STARTS)
-    for first, last in ((0, 300), (300, 700), (700, 1000)):
-        determinant = np.linalg.slogdet(covariance(first, last))[1]
-        assert found[first:last].sum() == pytest.approx(determinant, abs=1e-9)
-        assert np.ptp(found[first:last]) == pytest.approx(0.0, abs=1e-12)
-
-
 def test_with_several_errors_the_squares_are_those_of_the_inverse_covariance_and_the_volume_its_determinant() -> None:
     """Errors that are far from orthogonal: R'R of the whitened residual R is r' C^-1 r with C = I + sum of e e'."""
     rng = np.random.default_rng(2)
@@ -300,10 +281,6 @@ def test_without_any_error_nothing_is_whitened() -> None:
     none, residual = np.zeros((0, 1000)), np.arange(1000.0)
     assert initial_state.apply_whitening(residual, none, STARTS) == pytest.approx(residual)
     assert not initial_state.log_determinant(none, STARTS).any()
-
-
-def test_a_segment_lasts_until_the_next_restart() -> None:
-    assert segment_lengths(STARTS, 1000).tolist() == [300, 400, 300]
 
 
 class Read:
@@ -344,20 +321,6 @@ def test_an_initial_error_persists_as_the_model_keeps_it(monkeypatch: pytest.Mon
     found = initial_state.initial_state_sensitivity(model(), e, errors)
     assert found["p1"] == pytest.approx(np.full((1, 4000), 0.5 * 100.0 / 50.0))
     assert found["p2"] == pytest.approx(np.zeros((1, 4000)))
-
-
-def test_a_model_that_is_asked_for_again_starts_alike_and_another_one_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    e, asked = cast("Any", Read()), []
-
-    def simulated(one: Model, _: Any, inputs: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        asked.append(one)
-        return {c: np.zeros(4000) if inputs is None else inputs[:, at.IN_P1] for c in ("p1", "p2")}
-
-    monkeypatch.setattr(initial_state, "simulate", simulated)
-    same, other, wider = model(), model((), {"rig.dead_volume_1": 9e-5}), replace(model(), valve=VALVE.scaled(2.0))
-    for one, runs in ((same, 2), (model(), 2), (other, 4), (wider, 6), (same, 6)):
-        initial_state.initial_state_sensitivity(one, e, dict.fromkeys(("p1", "p2"), 1.0))
-        assert len(asked) == runs
 
 
 @pytest.mark.parametrize(

@@ -93,14 +93,6 @@ def test_a_parameter_that_no_residual_depends_on_has_its_range_as_interval(monke
     assert found["friction.coulomb"].ci95[1] - found["friction.coulomb"].ci95[0] < 1.0
 
 
-def test_groups_of_equal_size_give_the_variance_of_their_means() -> None:
-    rng = np.random.default_rng(3)
-    labels = np.repeat(np.arange(8), N // 8)
-    found = mean_of(rng.standard_normal(N) + rng.standard_normal(8)[labels], np.arange(N) // 20)
-    means = np.bincount(labels, found.residual) / (N / 8)
-    assert grouped_variance(found, labels) == pytest.approx(np.var(means, ddof=1) / 8, rel=1e-9)
-
-
 def test_white_readings_keep_their_interval_and_a_function_of_position_widens_it() -> None:
     """200 rigs whose level is 10: of the 95 % intervals at least 95 % hold it where something over x is missed, too
     (of 200 not fewer than 181 but once in 300 times).

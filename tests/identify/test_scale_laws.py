@@ -16,7 +16,7 @@ from pneucli.identify.residuals import residual_models
 from pneucli.noise import NoiseModel
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect, Parameter
 from pneucli.physics.effects import catalogue
-from pneucli.physics.scales import SCALES, RigQuantities, value_of
+from pneucli.physics.scales import SCALES, value_of
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
@@ -97,11 +97,6 @@ def test_bounds_starts_and_steps_scale_by_their_dimension(change: Change) -> Non
         if not any("millimetre" in str(typical) for typical in parameter.typical):
             numbers += zip(mine.typical, theirs.typical, strict=True)
         assert all(b == pytest.approx(a * factor, rel=1e-9) for a, b in numbers), parameter.name
-
-
-def test_plain_numbers_stay_as_they_are() -> None:
-    parameter = Parameter("gain", "kg/m", 0.0, 0.0, 1e3, (10.0,))
-    assert parameter.range_on(RigQuantities()) == (0.0, 1e3, (10.0,), 0.0)
 
 
 def test_an_unknown_scale_gives_neither_bounds_nor_starts() -> None:

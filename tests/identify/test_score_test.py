@@ -10,8 +10,8 @@ import pytest
 from pneucli.errors import InputError
 from pneucli.identify.estimation import model_fit as added
 from pneucli.identify.estimation import score_test
-from pneucli.identify.estimation.fit import FULL_CONVERGENCE, Fit
-from pneucli.identify.estimation.model_fit import fit_with_effect, require_finite
+from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.model_fit import require_finite
 from pneucli.identify.estimation.parameters import FreeParameter, base_parameters, effect_parameters, null_value
 from pneucli.identify.estimation.score_test import ScoreTest, initial_guesses, scaled_initial_guess, score_tests
 from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, ImposedMotion, residual_models
@@ -299,112 +299,6 @@ def test_only_parameters_with_a_null_are_scaled_and_within_bounds() -> None:
 
 
 # --- adding
-
-
-def touched(reach: list[list[int]], felt: list[int]) -> tuple[list[bool], set[str]]:
-    """Parameters (rows) that reach views (columns), and the views that feel the effect."""
-    columns = np.repeat(np.array(reach, float).T, 10, axis=0)
-    found = fitted(columns, np.ones(columns.shape[0]), blocks=columns.shape[0])
-    views: Any = [View(np.ones(10), felt=bool(f)) for f in felt]
-    chosen, names = added._affected_residual_models(found, views, catalogue()["constant-force"])
-    return chosen.tolist(), names
-
-
-def test_a_fit_with_an_effect_reaches_as_far_as_parameters_are_shared() -> None:
-    assert touched([[1, 0, 0], [0, 1, 1]], [1, 0, 0]) == ([True, False, False], {"f0"})
-    assert touched([[1, 1, 0], [0, 1, 1]], [1, 0, 0]) == ([True, True, True], {"f0", "f1"})
-    assert touched([[0, 1, 1]], [1, 0, 0]) == ([True, False, False], set())
-
-
-class Scripted:
-    """Fits whose cost depends on where they start."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, cost: Any) -> None:
-        self.begun: list[dict[str, float]] = []
-        monkeypatch.setattr(added, "free_parameters", lambda *a, **k: [])
-        monkeypatch.setattr(added, "_affected_residual_models", lambda *a: (np.array([True]), set()))
-        monkeypatch.setattr(added, "_with_overlap_reestimated", lambda part, views, **_: part)
-        monkeypatch.setattr(added, "merge_partial_fit", lambda found, part, views, chosen: part)
-
-        def fit(started: Any, *_: Any, **__: Any) -> Any:
-            values = {n: v for n, v in started.values.items() if n.startswith(("constant", "position"))}
-            return SimpleNamespace(model=started, cost=cost(values), free=[], values=values)
-
-        def draft(started: Any, *_: Any, is_draft: bool, **__: Any) -> Any:
-            assert is_draft
-            self.begun.append(fit(started).values)
-            return fit(started)
-
-        monkeypatch.setattr(added, "_fit_coarse_to_fine", draft)
-        monkeypatch.setattr(added, "fit", fit)
-
-
-def promised(*values: float, step: float = 1.0) -> list[ScoreTest]:
-    return [ScoreTest({"constant-force.force": v}, 1.0, step, 1.0) for v in values]
-
-
-FOUND: Any = SimpleNamespace(model=model(), cost=100.0)
-
-
-def test_an_effect_is_fitted_from_its_best_score_test(monkeypatch: pytest.MonkeyPatch) -> None:
-    scripted = Scripted(monkeypatch, lambda values: 50.0)
-    found = FOUND
-    fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0, 20.0))  # type: ignore[list-item]
-    assert scripted.begun == [{"constant-force.force": 10.0}]
-    assert [e.name for e in fit.model.effects] == ["constant-force"]
-
-
-def test_after_a_step_that_raises_the_cost_the_fit_starts_close_to_the_null(monkeypatch: pytest.MonkeyPatch) -> None:
-    scripted = Scripted(monkeypatch, lambda values: 150.0 if values["constant-force.force"] > 5.0 else 90.0)
-    found = FOUND
-    fit = fit_with_effect(found, [View(np.ones(9))], catalogue()["constant-force"], ranked=promised(10.0))  # type: ignore[list-item]
-    assert scripted.begun == [{"constant-force.force": 10.0}, {"constant-force.force": 0.5}]
-    assert fit.cost == 90.0
-
-
-def test_an_effect_with_an_edge_is_fitted_from_its_four_best_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    patch = catalogue()["position-friction"]
-    scripted = Scripted(monkeypatch, lambda values: values["position-friction.from"])
-    ranked = [
-        ScoreTest(
-            {"position-friction.from": a, "position-friction.to": 0.15, "position-friction.gain": 1.0},
-            1.0,
-            1.0,
-            1.0,
-        )
-        for a in (0.05, 0.03, 0.04, 0.06, 0.01)
-    ]
-    found = FOUND
-    fit = fit_with_effect(found, [View(np.ones(9))], patch, ranked=ranked)  # type: ignore[list-item]
-    assert len(scripted.begun) == 4
-    assert fit.cost == 0.03
-
-
-def test_an_effect_without_a_scale_is_refused_by_name() -> None:
-    found = fitted(np.zeros((9, 0)), np.ones(9), blocks=9)
-    with pytest.raises(InputError, match="constant-force"):
-        fit_with_effect(found, [], catalogue()["constant-force"], ranked=[])
-
-
-def test_edges_are_fitted_with_ever_smaller_differences(monkeypatch: pytest.MonkeyPatch) -> None:
-    steps: list[tuple[float, ...]] = []
-
-    def fit(started: Any, views: Any, free: Any, **_: Any) -> Any:
-        steps.append(tuple(f.step for f in free))
-        return SimpleNamespace(
-            model=started, free=free, jacobian=np.zeros((0, len(free))), initial_state_sensitivities=[]
-        )
-
-    monkeypatch.setattr(added, "fit", fit)
-    plain, edge = (
-        FreeParameter("friction.coulomb", "N", 1.0, 0.0, 9.0, 1.0),
-        FreeParameter("friction.viscous", "N", 1.0, 0.0, 9.0, 1.0, step=0.01),
-    )
-    added._fit_coarse_to_fine(model(), [], [plain, edge], stopping=FULL_CONVERGENCE)
-    assert steps == [(1e-4, pytest.approx(0.12)), (1e-4, pytest.approx(0.04)), (1e-4, 0.01)]
-    steps.clear()
-    added._fit_coarse_to_fine(model(), [], [plain], stopping=FULL_CONVERGENCE)
-    assert steps == [(1e-4,)]
 
 
 def test_a_model_without_finite_numbers_is_refused_by_recording_and_channel() -> None:

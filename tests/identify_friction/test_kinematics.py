@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.errors import InputError
-from pneucli.identify.friction import kinematics
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
@@ -164,14 +163,3 @@ def test_steady_sliding_is_not_a_rest_though_the_accelerometer_reads_nothing() -
     assert found[20:180].all()
     assert found[780:].all()
     assert not found[280:670].any()
-
-
-@pytest.mark.parametrize(("samples", "draws"), [(1, 1), (2.5, 2), (100, kinematics.MAX_DRAWS)])
-def test_a_long_recordings_noise_is_drawn_less_often(
-    monkeypatch: pytest.MonkeyPatch, samples: float, draws: int
-) -> None:
-    """Its spread is as well known from fewer draws, which take their time and memory in proportion."""
-    recording = recorded(STICKY, moved(), 1, ("p1", "p2", "x", "a"))
-    monkeypatch.setattr(kinematics, "MAX_DRAWN_SAMPLES", int(samples * recording.time.size))
-    found = estimate_motion(recording, Model(RIG))
-    assert found.drive_noise_draws.shape == (draws, recording.time.size)

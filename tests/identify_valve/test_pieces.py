@@ -9,9 +9,9 @@ import pytest
 
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ChamberPressures
-from pneucli.identify.valve import lack_of_fit, model_gradient
+from pneucli.identify.valve import lack_of_fit
 from pneucli.identify.valve.lack_of_fit import LackOfFit, MeasuredGradient
-from pneucli.identify.valve.maps import Coverage, coverage_of, gradient_map, inverse_map
+from pneucli.identify.valve.maps import Coverage, coverage_of
 from pneucli.identify.valve.model_gradient import (
     REPEATABILITY,
     ModelGradient,
@@ -19,7 +19,6 @@ from pneucli.identify.valve.model_gradient import (
     memory_gradient,
     model_gradient_of,
 )
-from pneucli.identify.valve.result import RecordingResidual, ValveIdentification
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import parameter_value, with_parameters
 from pneucli.simulate.run import simulate
@@ -114,43 +113,6 @@ class Straight:
 
 
 LAW: Any = Straight()
-
-
-def everywhere(u: np.ndarray, p: np.ndarray) -> np.ndarray:
-    return np.ones(u.shape, dtype=bool)
-
-
-EVERYWHERE: Any = everywhere
-
-
-def test_the_map_has_95_percent_intervals_over_commands_and_pressures() -> None:
-    u, p = np.array([-1.0, 2.0, 4.0]), np.array([1e5, 6e5])
-    found = gradient_map(LAW, u, p, WENT)
-    assert found.gradient == pytest.approx(1e5 * u[:, None] + 0.1 * p)
-    assert found.ci_high[2, 1] - found.gradient[2, 1] == pytest.approx(1.959964 * 6e3)
-    assert found.gradient[2, 1] - found.ci_low[2, 1] == pytest.approx(1.959964 * 6e3)
-    assert found.covered.tolist() == [[False, False], [True, False], [False, False]]
-    assert (found.u.tolist(), found.p.tolist()) == (u.tolist(), p.tolist())
-
-
-def test_the_inverse_is_on_its_grid_and_answers_what_a_shut_valve_gives_by_the_middle() -> None:
-    """The overlap from -0.3 to 0.3 V; gradients within the error of its own there are those of the shut valve."""
-    gradients, p = np.array([-1e5, 3e4, 4.5e5]), np.array([3e5, 4e5])
-    found = inverse_map(LAW, gradients, p, EVERYWHERE)
-    assert found.u[:, 0] == pytest.approx([-1.3, 0.0, 4.0], abs=1e-3)
-    assert found.reachable.tolist() == [[True, True], [True, True], [False, False]]
-    near = inverse_map(LAW, 3e4 + np.array([-6e3, -5.8e3, 5.8e3, 6e3]), p[:1], WENT)  # to 3000 Pa/s at 3 bar
-    assert near.u[:, 0] == pytest.approx([-0.06, 0.0, 0.0, 0.06], abs=1e-9)
-
-
-def test_a_switching_valve_has_the_closest_gradient_reachable_within_its_interval() -> None:
-    """At 3 bar -4 V, 0 and 4 V give -3.7e5, 3e4 and 4.3e5 Pa/s, to 3000 Pa/s."""
-    asked = np.array([-9e5, -3.7e5 + 5.8e3, -3.7e5 + 6e3, -1e5, 3e4 - 5.8e3, 2e5, 4.3e5 - 6e3, 4.3e5 + 5.8e3])
-    law: Any = Straight()
-    law.form = "switching"
-    found = inverse_map(law, asked, np.array([3e5]), EVERYWHERE)
-    assert found.u[:, 0].tolist() == [-4.0, -4.0, -4.0, 0.0, 0.0, 0.0, 4.0, 4.0]
-    assert found.reachable[:, 0].tolist() == [False, True, False, False, True, False, False, True]
 
 
 # --- the model against measured gradients
@@ -260,40 +222,7 @@ def test_a_pressure_that_is_wrong_throughout_a_visit_widens_the_interval() -> No
     assert unsure == pytest.approx(np.hypot(sure, 2.12 * 80.0 / 0.2), rel=1e-3)
 
 
-# --- the identification's own pieces
-
-
-def test_residual_over_noise_is_a_root_mean_square_over_the_recordings_of_a_use() -> None:
-    rows = (
-        RecordingResidual("a", "train", 3.0),
-        RecordingResidual("b", "train", 4.0),
-        RecordingResidual("c", "test", 2.0),
-    )
-    found = ValveIdentification(
-        *[NONE] * 8, rows, max_gradient=3.0, max_measured_gradient=1.0, coverage=NONE, model_gradient=NONE
-    )
-    assert (found.residual_to_noise("train"), found.residual_to_noise("test")) == (pytest.approx(np.sqrt(12.5)), 2.0)
-    assert found.residual_to_noise("else") is None
-    assert found.is_consistent
-    assert not replace(found, max_gradient=3.01).is_consistent
-
-
 # --- the gradient of a model
-
-
-def test_nothing_is_less_certain_than_anything_between_its_bounds() -> None:
-    """Even over a width w it errs by w / sqrt(12); what is known with it shrinks alike."""
-
-    def limited(covariance: list[list[float]], *bounds: tuple[float, float]) -> np.ndarray:
-        free: Any = [SimpleNamespace(lower=a, upper=b, to_coordinate=lambda v: v) for a, b in bounds]
-        return model_gradient._limited_covariance(np.array(covariance), free)
-
-    wide = limited([[100.0, 3.0], [3.0, 0.25]], (0.0, 12.0), (-1e9, 1e9))
-    assert wide[0, 0] == pytest.approx(12.0)
-    assert wide[0, 1] == pytest.approx(3.0 * np.sqrt(0.12))
-    assert wide[1, 1] == 0.25
-    assert limited([[1e-4]], (0.0, 0.012))[0, 0] == pytest.approx(0.012**2 / 12.0)
-    assert limited([[0.0]], (0.0, 1.0)).tolist() == [[0.0]]
 
 
 def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] = (0,)) -> tuple[Any, Any]:
@@ -302,11 +231,6 @@ def quiet(names: list[str], values: dict[str, float], restarts: tuple[int, ...] 
     test = make_experiment("valve", time, {"u": u, "p1": 3e5}, restarts=restarts)
     known = model(names, values | {"rig.vessel_volume": 2e-4})
     return known, test
-
-
-def test_a_valve_without_memory_has_its_quasi_static_gradient() -> None:
-    known, test = quiet([], {})
-    assert not memory_gradient(known, test).any()
 
 
 def test_the_contribution_of_heat_is_the_simulated_minus_the_quasi_static_gradient() -> None:

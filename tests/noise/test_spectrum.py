@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneucli.noise import NoiseModel, estimate_noise
-from pneucli.noise.estimate import detect_mains_lines, padded_length, quantisation_step
+from pneucli.noise.estimate import detect_mains_lines, quantisation_step
 from pneucli.noise.spectrum import noise_floor, segment_length
 
 RNG = np.random.default_rng
@@ -97,20 +97,6 @@ def test_mains_and_harmonics_are_detected(frequency: float) -> None:
     (found,) = detect_mains_lines(hum(frequency), 1e-3)
     assert found[0] == pytest.approx(frequency, abs=0.1)
     assert found[1] == pytest.approx(1.0, rel=0.1)
-
-
-@pytest.mark.parametrize("seconds", [262.144, 40.0])
-def test_a_long_spectrum_has_no_large_prime_factor(seconds: float) -> None:
-    """2^18 samples less two are twice a prime: a spectrum of eight times that took half a second."""
-    values = hum(50.0, 0.2, seconds)
-    length = padded_length(values.size - 2)
-    for factor in (2, 3, 5, 7, 11):
-        while length % factor == 0:
-            length //= factor
-    assert length == 1
-    (found,) = detect_mains_lines(values, 1e-3)
-    assert found[0] == pytest.approx(50.0, abs=0.01)
-    assert found[1] == pytest.approx(0.2, rel=0.05)
 
 
 @pytest.mark.parametrize("frequency", [40.0, 51.5, 55.0, 200.0, 240.0])

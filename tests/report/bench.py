@@ -1,6 +1,8 @@
-"""What a report is made of, by hand: small tables in the layout of the artifacts, all numbers invented."""
+"""What a report is made of: stored answers and tables in the layout of the artifacts, all numbers invented."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,14 +11,25 @@ from pneucli.figure import read
 from pneucli.messages import compare, diagnose
 from pneucli.messages.history import Model
 from pneucli.report.report_data import Check, EarlierAnswer, ReportData, Table
-from tests.report import controlled
 
+STORED = (Path(__file__).parent / "stored" / "report.json").read_text(encoding="utf-8")
 SAMPLES = 4000
-TIME = np.arange(SAMPLES) * 1e-3
+TIME, LOOP = np.arange(SAMPLES) * 1e-3, np.arange(3000) * 1e-3
 NOISE = {"p1": 400.0, "x": 3e-5, "v": 1e-3}
 UNIT = {"p1": "Pa", "x": "m", "v": "m/s"}
 LEAK = {"value": 5.2e-8, "unit": "m^2", "ci95": [5.1e-8, 5.3e-8]}
 RECORDINGS = {"axis_1": "train", "axis_<b>&_$2$": "test"}  # a name may hold anything but a slash
+
+
+def answer(name: str) -> dict[str, Any]:
+    """The stored answer of a stage, or what a design on an ensemble says; each call returns one of its own."""
+    found: dict[str, Any] = json.loads(STORED)["answers"][name]
+    return found
+
+
+def tables() -> dict[str, Table]:
+    """The stored tables."""
+    return {name: Table(one["columns"], one.get("units", {})) for name, one in json.loads(STORED)["tables"].items()}
 
 
 def _signals() -> dict[str, np.ndarray]:
@@ -27,28 +40,6 @@ def _signals() -> dict[str, np.ndarray]:
         "x": x,
         "v": np.gradient(x, TIME),
     }
-
-
-def _ingest() -> dict[str, Any]:
-    rows = [
-        {
-            "name": name,
-            "experiment": "axis",
-            "use": use,
-            "chamber_2": "closed",
-            "imposed": "",
-            "file": f"raw/{use}.csv",
-            "sha256": "ab" * 32,
-            "samples": SAMPLES,
-            "period": 1e-3,
-            "signals": ["time", "u", "p1", "x"],
-            "from": 0.0,
-            "to": TIME[-1],
-            "noise": {c: {"rms": n, "unit": UNIT[c]} for c, n in NOISE.items()},
-        }
-        for name, use in RECORDINGS.items()
-    ]
-    return {"recordings": rows, "repairs": [], "warnings": ["axis_1, p1: 3 samples were lost"]}
 
 
 def _compare(ratios: dict[str, float]) -> dict[str, Any]:
@@ -106,136 +97,6 @@ def _residuals(fault: float = 5.0) -> Table:
     return Table({**columns, **{n: np.concatenate(parts) for n, parts in numbers.items()}})
 
 
-def _valve() -> dict[str, Table]:
-    u, p = (grid.ravel() for grid in np.meshgrid(np.linspace(-10, 10, 9), np.linspace(1e5, 7e5, 7), indexing="ij"))
-    gradient = 2e5 * u * np.where(u > 0, 8e5 - p, p) / 7e5
-    band = {"p_gradient_ci_low": gradient - 1e3, "p_gradient_ci_high": gradient + 1e3}
-    time = np.linspace(0, 1, 50)
-    steps = [(c, 4e5 + 2e4 * c * time) for c in (-10.0, -5.0, 5.0, 10.0)]
-    curve = {"measured": np.concatenate([y + 400 for _, y in steps]), "fitted": np.concatenate([y for _, y in steps])}
-    slope = np.repeat([2e4 * c for c, _ in steps], 50)
-    return {
-        "identify/valve_map": Table({"u": u, "p": p, "p_gradient": gradient, **band, "covered": p > 2e5}),
-        "identify/valve_lack_of_fit": Table(
-            {"u": u, "p": p, "model": 0.97 * gradient,
-             "model_ci_low": 0.96 * gradient, "model_ci_high": 0.98 * gradient,
-             "measured": gradient, "measured_ci_low": gradient - 1e3, "measured_ci_high": gradient + 1e3,
-             "difference": 0.03 * gradient, "outside": abs(gradient) > 2e5}
-        ),
-        "identify/valve_inverse": Table(
-            {"p_gradient": gradient.mean() + 1e5 * u, "p": p, "u": np.clip(u, -8, 8), "reachable": abs(u) < 8}
-        ),
-        "identify/valve_areas": Table(
-            {"u": [-10.0, -5.0, 5.0, 10.0], "area": [2e-6, 1e-6, 1e-6, 2e-6], "ci_low": [1.9e-6, 9e-7, 9e-7, 1.9e-6],
-             "ci_high": [2.1e-6, 1.1e-6, 1.1e-6, 2.1e-6]},
-            {"area": "m^2"},
-        ),
-        "identify/valve_curves": Table(
-            {"recording": ["stairs"] * 200, "u": np.repeat([c for c, _ in steps], 50),
-             "time": np.tile(time, 4), **curve, "gradient": slope, "ci_low": slope - 1e3, "ci_high": slope + 1e3}
-        ),
-    }  # fmt: skip
-
-
-def _friction() -> dict[str, Table]:
-    v = np.linspace(-0.5, 0.5, 101)
-    force = 10 * np.tanh(v / 0.01) + 20 * v
-    branched = [(m, b) for m in "ABC" for b in ("both",)] + [(m, b) for m in "DEF" for b in ("accelerating", "slowing")]
-    one = {"v": v, "force": force, "ci_low": force - 1, "ci_high": force + 1, "count": np.full(v.size, 9.0)}
-    return {
-        "identify/friction_models": Table(
-            {"model": [m for m, _ in branched for _ in v], "branch": [b for _, b in branched for _ in v],
-             "v": np.tile(v, 9), "force": np.tile(force, 9)}
-        ),
-        "identify/friction_curves": Table({"branch": ["both"] * v.size, **one}),
-        "identify/friction_deviations": Table(
-            {"model": ["A", "A", "D", "D"], "recording": ["all"] * 4, "use": ["test"] * 4, "channel": ["a", "v"] * 2,
-             "rmsd": [0.2, 2e-3, 0.1, 1e-3], "unit": ["m/s^2", "m/s"] * 2, "percent": [2.0, 1.0, 0.9, 0.4],
-             "noise": [0.1, 1e-3] * 2, "lacks": ["friction-hysteresis"] * 2 + [""] * 2}
-        ),
-        "identify/friction_parameters": Table(
-            {"model": ["A"], "branch": ["both"], "name": ["coulomb"], "value": [10.0], "unit": ["N"], "ci_low": [9.9],
-             "ci_high": [10.1]}
-        ),
-        "identify/friction_cuts": Table(
-            {"recording": ["axis_1"] * 60, "cut": np.repeat([0.0, 1.0], 30), "direction": np.repeat([1.0, -1.0], 30),
-             "speed": np.tile(np.linspace(0, 0.2, 30), 2), "force": np.tile(np.linspace(12, 14, 30), 2)}
-        ),
-        "identify/tp_weights": Table(
-            {"model": ["B"] * 202, "branch": ["both"] * 202, "vertex": np.repeat([0.0, 1.0], 101), "v": np.tile(v, 2),
-             "weight": np.concatenate([1 / (1 + abs(v) / 0.01), 1 - 1 / (1 + abs(v) / 0.01)])}
-        ),
-        "identify/tp_vertices": Table(
-            {"model": ["B", "B"], "branch": ["both"] * 2, "vertex": [0.0, 1.0], "a22": [7000.0, 30.0]}
-        ),
-    }  # fmt: skip
-
-
-def _relations() -> dict[str, Table]:
-    names, lag = ["friction.coulomb", "friction.viscous"], np.linspace(-0.5, 0.5, 101)
-    texts = {"recording": "axis_1", "use": "train", "channel": "x", "against": "u"}
-    return {
-        "identify/correlation": Table(
-            {"name": np.repeat(names, 2), "other": names * 2, "correlation": np.array([1.0, -0.95, -0.95, 1.0])}
-        ),
-        "identify/sensitivity": Table({"name": names, "channel": ["x", "v"], "times_noise": np.array([0.4, 0.02])}),
-        "identify/iterations": Table(
-            {"effects": ["", "", "stribeck"], "search": [1, 1, 2], "round": [0, 1, 0], "residual": [9.0, 3.0, 2.0]}
-        ),
-        "compare/correlation": Table(
-            {**{n: [t] * 101 for n, t in texts.items()}, "lag": lag, "bound": np.full(101, 0.1),
-             "correlation": 0.5 * np.exp(-((lag - 0.1) ** 2) / 0.01)}
-        ),
-    }  # fmt: skip
-
-
-def _diagnosis() -> dict[str, Any]:
-    area = {"area": LEAK}
-    return {
-        "model": {"effects": ["stribeck"]},
-        "verdict": "missing-effect",
-        "missing": ["piston-leak"],
-        "sentence": "The model lacks piston-leak (leak across the piston): with it the error falls.",
-        "ladder": [
-            {"add": None, "error_train": 9.1, "error_test": 9.4},
-            {"add": "piston-leak", "error_train": 1.02, "error_test": None},
-        ],
-        "candidates": [
-            {
-                "effect": "piston-leak",
-                "title": "Leak across the piston",
-                "error_before": 9.4,
-                "error_after": 1.05,
-                "parameters": area,
-                "indistinguishable_from": ["chamber-leak"],
-                "supported": True,
-                "why": "It explains the creep.",
-            }
-        ],
-        "unexplained_share": 0.04,
-        "unexplained": None,
-        "next_experiment": "Hold the piston for 30 s.",
-        "detectable": [
-            {"effect": "valve-leak", "parameter": "area", "size": 2e-8, "unit": "m^2", "would_show": "above 0.02 mm2"}
-        ],
-        "moved": [{"parameter": "friction.coulomb", "from": 20.0, "to": 14.0, "unit": "N", "plausible": False}],
-    }
-
-
-def _shape() -> Table:
-    value = np.linspace(1e5, 5e5, 20)
-    texts = {"effect": "piston-leak", "recording": "axis_1", "channel": "p1", "variable": "p1", "unit": "Pa"}
-    return Table(
-        {
-            **{name: [text] * 20 for name, text in texts.items()},
-            "value": value,
-            "residual_before": 0.01 * value,
-            "residual_after": np.zeros(20),
-            "expected": 0.0099 * value,
-        }
-    )
-
-
 def _open_loop() -> Table:
     value = np.sin(TIME)
     texts = {"scenario": "steps", "channel": "x", "unit": "m"}
@@ -243,40 +104,41 @@ def _open_loop() -> Table:
     return Table({**columns, "time": TIME, "value": value, "measured": np.full(SAMPLES, np.nan)})
 
 
+def _closed_loop() -> Table:
+    """Two scenarios, each compensated (4 um off at the end) and with the PIDs only (117 um off)."""
+    columns: dict[str, list[Any]] = {"scenario": [], "controller": []}
+    numbers: dict[str, list[Any]] = {}
+    reference = np.where(LOOP < 0.5, 0.1, 0.13)
+    for scenario in ("steps", "load"):
+        load = np.where(LOOP > 1.0, -50.0, 0.0) if scenario == "load" else np.zeros(LOOP.size)
+        for controller, off in (("compensated", 4e-6), ("pid_alone", 117e-6)):
+            columns["scenario"] += [scenario] * LOOP.size
+            columns["controller"] += [controller] * LOOP.size
+            pressure, command = np.full(LOOP.size, 3e5), np.sin(40 * LOOP)
+            parts = {"time": LOOP, "x_ref": reference, "x": reference - off, "p1": pressure, "p1_ref": pressure + 1e3}
+            parts |= {"u": command, "u2": np.zeros(LOOP.size), "load": load, "load_estimate": 0.99 * load}
+            for name, part in parts.items():
+                numbers.setdefault(name, []).append(part)
+    return Table({**columns, **{name: np.concatenate(parts) for name, parts in numbers.items()}})
+
+
 def whole() -> ReportData:
     """A report with every section that there is."""
-    parameters = {"friction.coulomb": {"value": 14.0078, "unit": "N", "ci95": [13.98, 14.03]}}
     signals = {name: np.tile(values, 2) for name, values in _signals().items() if name != "v"}
     named = [name for name in RECORDINGS for _ in TIME]
-    metrics = {"channel": "x", "unit": "m", "from": 0.0, "to": 0.1, "end": 0.1, "rmsd": None, "fit_percent": None}
     return ReportData(
         name="bench & co",
         answers={
-            "ingest": _ingest(),
-            "identify": {
-                "model": {"effects": ["stribeck"], "parameters": parameters},
-                "warnings": [],
-                "valve": {
-                    "overlap": {"charge": {"value": 0.2, "unit": "V", "ci95": [0.19, 0.21]}},
-                    "iso": {},
-                    "lack_of_fit": {"median": 0.03, "p95": 0.031, "share_outside": 0.8},
-                    "residual": {"train": 1.02, "test": None, "recordings": []},
-                },
-            },
+            **{name: answer(name) for name in ("ingest", "identify")},
             "compare": _compare({"p1": 1.0, "x": 3.0, "v": 1.1}),
-            "diagnose": _diagnosis(),
-            "design": controlled.design(),
-            "simulate": {"open_loop": [{"scenario": "steps", "channels": [metrics]}], **controlled.simulated()},
+            **{name: answer(name) for name in ("diagnose", "design", "simulate")},
         },
         tables={
             "ingest/signals": Table({"recording": named, "time": np.tile(TIME, 2), **signals}),
             "compare/residuals": _residuals(),
-            "diagnose/shape": _shape(),
             "simulate/open_loop": _open_loop(),
-            **controlled.tables(),
-            **_valve(),
-            **_friction(),
-            **_relations(),
+            "simulate/closed_loop": _closed_loop(),
+            **tables(),
         },
         checks=[
             Check("compare.error.test", "max 1.5", 1.94, "compare.error.test = 1.94 (max 1.5): FAILED"),
@@ -301,9 +163,11 @@ def fallen() -> ReportData:
     first = {"p1": 9.0, "x": 50.0, "v": 1.2}
     former = _compare(first)
     now = whole()
-    adequate = {"verdict": "adequate", "missing": [], "ladder": _diagnosis()["ladder"][:1], "candidates": []}
+    adequate = {"verdict": "adequate", "missing": [], "ladder": answer("diagnose")["ladder"][:1], "candidates": []}
     adequate |= {"sentence": "Nothing is missing that these recordings could show."}
-    diagnosed = _diagnosis() | adequate | {"model": {"effects": ["stribeck", "piston-leak"]}, "next_experiment": None}
+    diagnosed = (
+        answer("diagnose") | adequate | {"model": {"effects": ["stribeck", "piston-leak"]}, "next_experiment": None}
+    )
     ways: list[tuple[tuple[str, ...], dict[str, float]]] = [
         (("stribeck",), first),
         (("stribeck", "valve-lag"), {"p1": 8.0, "x": 48.0, "v": 1.2}),
@@ -316,7 +180,7 @@ def fallen() -> ReportData:
         first_comparison=EarlierAnswer(
             read(compare.Answer, former | {"model": {"effects": ["stribeck"], "parameters": {}}}), _residuals(50.0)
         ),
-        diagnoses=[EarlierAnswer(read(diagnose.Answer, _diagnosis()), _shape())],
+        diagnoses=[EarlierAnswer(read(diagnose.Answer, answer("diagnose")), tables()["diagnose/shape"])],
         rig="cylinder",
     )
 

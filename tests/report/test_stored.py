@@ -26,8 +26,8 @@ from pneucli.report.sections import (
 )
 from pneucli.report.summaries import to_markdown
 from pneucli.report.thesis import SECTIONS as THESIS
-from tests.report import controlled, thesis_tables
-from tests.report.bench import fallen, whole, without
+from tests.report import thesis_tables
+from tests.report.bench import answer, fallen, whole, without
 from tests.report.printed import overview_lines, section_lines
 from tests.stored import hold_against
 
@@ -69,7 +69,7 @@ def two_chambers() -> ReportData:
 
 def on_an_ensemble() -> ReportData:
     """A design whose gains hold on an ensemble of rigs."""
-    return ReportData("demo", {"design": controlled.design() | {"ensemble": controlled.ensemble()}})
+    return ReportData("demo", {"design": answer("design") | {"ensemble": answer("ensemble")}})
 
 
 def missed() -> ReportData:

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.report.report_data import ReportData, Table
-from tests.report import controlled
-from tests.report.bench import whole
+from tests.report.bench import answer, whole
 
 TIME = 1e-2 * np.arange(600)
 STRIBECK = (("coulomb", 14.0), ("viscous", 45.0), ("static", 22.0), ("velocity", 0.015))
@@ -66,7 +65,7 @@ def material() -> ReportData:
         "identify/friction_replays": replays(),
         "design/comparison_signals": runs(*names),
     }
-    design = controlled.design()
+    design = answer("design")
     design["sector"] = design["sector"] | {"design": SECTOR}
     return ReportData("demo", {"design": design}, tables)
 

@@ -12,7 +12,7 @@ from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.kernel_settings import max_filling_step, max_motion_step, moves_at_start
+from pneucli.simulate.kernel_settings import max_motion_step, moves_at_start
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run
 
@@ -114,18 +114,6 @@ def test_with_imposed_motion_a_step_is_a_300th_of_the_faster_filling_time(name: 
     assert e.max_step == pytest.approx(4e5 / (10e5 * np.pi) / 300, rel=1e-3)
 
 
-def test_the_experiment_for_an_unmeasured_p2_is_prepared_once() -> None:
-    e = make_experiment(
-        "axis", time_grid(1.0), {"x": 0.1, "p1": 3e5 + 1e5 * np.sin(2 * np.pi * time_grid(1.0))}, restarts=(0, 300)
-    )
-    assert e.with_imposed_motion is e.with_imposed_motion
-    assert (
-        e.flags[at.MECHANICS],
-        e.with_imposed_motion.flags[at.MECHANICS],
-        e.with_imposed_motion.restarts.tolist(),
-    ) == (1.0, 0.0, [0])
-
-
 @pytest.mark.parametrize("rise", [0.0, 1e4])
 def test_a_chamber_that_hardly_fills_takes_two_steps_a_sample(rise: float) -> None:
     """A full vessel behind an open valve would ring with longer ones: its flow has no slope at equal pressures."""
@@ -133,21 +121,6 @@ def test_a_chamber_that_hardly_fills_takes_two_steps_a_sample(rise: float) -> No
         "valve", TIME, {"u": STEP, "p1": np.linspace(101_300.0, 101_300.0 + rise, TIME.size)}, rig=VESSEL
     )
     assert e.max_step == pytest.approx(0.5e-3)
-
-
-@pytest.mark.parametrize(("period", "step"), [(5e-3, 2.5e-3), (1e-3, 0.5e-3), (0.7e-3, 0.5e-3), (0.2e-3, 0.2e-3)])
-def test_a_short_sampling_period_is_one_step(period: float, step: float) -> None:
-    """How often a logger samples does not change how fast a chamber fills."""
-    still = np.full(100, 2e5)
-    assert max_filling_step(still, np.zeros(100), period) == max_filling_step(still, np.full(100, 1e3), period) == step
-
-
-@pytest.mark.parametrize(("lowest", "period", "step"), [(3e5, 1e-3, 1e-3), (3.1e5, 1e-3, 0.5e-3), (3e5, 5e-3, 2.5e-3)])
-def test_a_recording_that_shows_a_filling_takes_a_longer_step(lowest: float, period: float, step: float) -> None:
-    """It spans half of its highest pressure; a fast filling still takes a 300th of its time."""
-    pressure = np.linspace(lowest, 6e5, 100)
-    assert max_filling_step(pressure, np.full(100, 1e5), period) == step
-    assert max_filling_step(pressure, np.full(100, 8e6), period) == pytest.approx(6e5 / 8e6 / 300)
 
 
 @settings(max_examples=20, deadline=None)

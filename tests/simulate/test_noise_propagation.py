@@ -7,22 +7,11 @@ import pytest
 
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
-from pneucli.simulate import experiment
 from pneucli.simulate.noise_propagation import sample_deviations
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid, typical_values
 
 NOISE = {"p1": NoiseModel(300.0, 0.0), "p2": NoiseModel(300.0, 0.0)}
 E = replace(make_experiment("axis", time_grid(0.3), {"u": 1.0, "p1": 3e5, "p2": 2.5e5, "x": 0.1}), noise=NOISE)
-
-
-def test_cached_draws_equal_fresh_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    cached = sample_deviations(model(), E, 2)
-    assert E.noise_draws(2, 20151) is E.noise_draws(2, 20151)
-    monkeypatch.setattr(experiment, "MAX_CACHE_BYTES", 0)
-    fresh = replace(E)  # the same restarts are the same experiment, whose draws are kept
-    assert fresh.noise_draws(2, 20151) is not fresh.noise_draws(2, 20151)
-    again = sample_deviations(model(), fresh, 2)
-    assert all(np.array_equal(cached[c], again[c]) for c in cached)
 
 
 def test_draws_differ_between_each_other_and_between_seeds() -> None:

@@ -124,8 +124,3 @@ def test_jitter_of_time_stamps_has_no_influence() -> None:
     found = errors(run(case("coulomb"), make_experiment("axis", time, {"u": u})), exact)
     assert found["x"] < 5e-6
     assert max(found["p1"], found["p2"]) < 20.0
-
-
-def test_the_reference_refuses_unsupported_effects() -> None:
-    with pytest.raises(ValueError, match="piston-leak"):
-        solve(model(["piston-leak"], {"piston-leak.area": 1e-8}), TIME, U, start())

@@ -419,7 +419,7 @@ def parameter_estimates(free: Sequence[FreeParameter], model: Model, covariance:
 
     Returns:
         One estimate a parameter; the interval is symmetric in the fit's coordinate, but for a parameter that multiplies
-        another one (:func:`pneucli.identify.estimation.ratio_interval.ratio_interval`). It ends at the bounds.
+        another one (:func:`ratio_interval`). It ends at the bounds.
 
     """
     estimates, slopes = [], np.array([f.derivative(parameter_value(model, f.name)) for f in free])
