@@ -125,10 +125,11 @@ LackOfFitByUse = tuple[list[LackOfFit], list[LackOfFit]]
 class DiagnosisData:
     """The data of a diagnosis: residual models of fitted and of held-out recordings, and the effects of the catalogue.
 
-    Without held-out recordings ``folds`` has the fold of each fitted residual model (:func:`folds_of`). ``modelled_parts``: parts whose effects the valve's model contains
-    already. ``base_effects``: names of the effects of the given model. ``free_run_errors``: the error of ``compare`` by
-    use. ``implausible``: the recordings cannot be true, so nothing is looked for in them. ``run_refits``: does
-    independent refits, perhaps in parallel. ``judge_fit`` judges the printed error of a fitted model.
+    Without held-out recordings ``folds`` has the fold of each fitted residual model (:func:`folds_of`).
+    ``modelled_parts``: parts whose effects the valve's model contains already. ``base_effects``: names of the effects
+    of the given model. ``free_run_errors``: the error of ``compare`` by use. ``implausible``: the recordings cannot be
+    true, so nothing is looked for in them. ``run_refits``: does independent refits, perhaps in parallel. ``judge_fit``
+    judges the printed error of a fitted model.
     """
 
     train: Sequence[ResidualModel]

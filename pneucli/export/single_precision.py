@@ -58,7 +58,7 @@ def run_in_single_precision(controller: Controller, vectors: Mapping[str, Array]
 
 
 def replay_in_single_precision(controller: Controller, signals: Mapping[str, Array], start: str) -> Array:
-    """Return :func:`pneucli.closed_loop.simulation.replay_rows` in single precision; commands and estimates alone."""
+    """Return :func:`pneucli.closed_loop.simulation.replay_log` in single precision; commands and estimates alone."""
     world, numbers = _single_precision_functions(controller.law), controller.vector().astype(np.float32)
     state, n = np.zeros(layout.L_STATES, dtype=np.float32), signals["x_ref"].size
     rows, missing = np.zeros((n, layout.L_ROW)), np.full(n, np.nan)
