@@ -388,7 +388,7 @@ class NonFrictionForces:
     def simulate_driven(
         self, time: Array, drive: Array, x: Array, start: float, mass: float, tables: Array, step: float, parts: int
     ) -> Array:
-        """Return v (m/s) and a (m/s^2), shape (2, n); see :func:`pneucli.simulate.kernel.table_friction.run_table_friction`."""
+        """Return v (m/s) and a (m/s^2), shape (2, n); see :mod:`pneucli.simulate.kernel.table_friction`."""
         out = np.zeros((2, time.size))
         self._kernel.functions.run_table_friction(
             time, drive, x, float(start), float(mass), tables, float(step), parts, *self._vectors, out
