@@ -41,7 +41,7 @@ WORLDS = ("fixtures", "cases", "rigs-plc", "rigs-bench", "rigs-seal", "rigs-proc
 LOG, WITHOUT = "PNEUCLI_RULES_LOG", "PNEUCLI_WITHOUT_RULE"  # of the process that diagnoses
 Function = Callable[..., Any]
 Replaced = Callable[[Function], Function]
-TESTS = ("hypothesis_tests._reason", "constraints.violated_constraint")  # what every estimate has to pass
+TESTS = ("selection._reason", "constraints.violated_constraint")  # what every estimate has to pass
 
 
 @dataclass(frozen=True)
@@ -150,10 +150,8 @@ OF_MODEL = ("cannot-show", "interval-contains-null", "not-significant", "raises-
 RULES: Mapping[str, Rule] = {
     **{one: Rule("constraints.violations_of_estimate", without_violation(one), TESTS) for one in OF_ESTIMATE},
     **{one: Rule("constraints._violations", without_violation(one), TESTS[1:]) for one in OF_MODEL},
-    "significance": Rule("hypothesis_tests._reason", with_constant("ALPHA", 2.0)),
-    "family of tests": Rule(
-        "hypothesis_tests.holm_adjusted", lambda _: lambda p, _n: list(p), ("hypothesis_tests.apply_tests",)
-    ),
+    "significance": Rule("selection._reason", with_constant("ALPHA", 2.0)),
+    "family of tests": Rule("selection.holm_adjusted", lambda _: lambda p, _n: list(p), ("selection.apply_tests",)),
     "free-run error": Rule(
         "constraints._errors_of_step",
         gives((1.0, 1.0, 1.0)),
@@ -175,9 +173,9 @@ RULES: Mapping[str, Rule] = {
     "sensor fault last": Rule("equivalence._is_sensor_fault", gives(False), ("equivalence.best_candidate",)),
     "probable before cheap": Rule("selection._most_probable", of_best_fit),
     "no rise beyond noise": Rule("selection._without_rise", gives_argument(1)),
-    "screen by gain": Rule("screening.score_test_screen", with_constant("MAX_BY_GAIN", 0)),
-    "screen by share": Rule("screening.score_test_screen", with_constant("MIN_RELATIVE_SHARE", 0.0)),
-    "screen by chi-square": Rule("screening.score_test_screen", with_constant("MIN_CHI2", 0.0)),
+    "screen by gain": Rule("selection.score_test_screen", with_constant("MAX_BY_GAIN", 0)),
+    "screen by share": Rule("selection.score_test_screen", with_constant("MIN_RELATIVE_SHARE", 0.0)),
+    "screen by chi-square": Rule("selection.score_test_screen", with_constant("MIN_CHI2", 0.0)),
     "intervals over models": Rule("diagnosis._fit_over_models", of_last_model),
     "shape of the residual": Rule("adequacy._has_shape", gives(False), ("adequacy.significant_lack_of_fit",)),
     "untrimmed residual": Rule("adequacy._exceeds", with_constant("UNTRIMMED_FACTOR", 1e9)),
