@@ -8,17 +8,20 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 
 from pneucli import messages
 from pneucli.config import load
 from pneucli.diagnose.adequacy import LackOfFit
 from pneucli.diagnose.candidate import Decision, Reason
+from pneucli.diagnose.diagnosis import Confidence
 from pneucli.diagnose.free_run_error import FreeRunErrors
 from pneucli.diagnose.score import ErrorsByUse
+from pneucli.diagnose.subsample import MIN_REDUCTION
 from pneucli.errors import InputError
 from pneucli.exam.cases import generate_case
-from pneucli.figure import read
+from pneucli.figure import Figure, read, to_json
 from pneucli.identify.estimation.fit import Estimate, Fit
 from pneucli.identify.residuals import ChamberPressures, ResidualModel
 from pneucli.io.artifacts import read_table
@@ -90,6 +93,20 @@ def test_errors_of_long_recordings_are_those_of_the_whole(tmp_path: Path, monkey
     answer = diagnosed(FIXTURES / "friction_hysteresis" / "pipeline.toml", tmp_path)
     assert answer["thinned"]["used"] < 0.7 * answer["thinned"]["samples"]
     assert set(compared) == {answer["thinned"]["samples"]}
+
+
+@pytest.mark.parametrize(("samples", "is_whole"), [(6_999, False), (7_000, True)])
+def test_segments_are_fitted_where_they_halve_the_samples(samples: int, is_whole: bool) -> None:
+    """Else two fits of the given model, of all samples and of some, were two errors of it for little time saved."""
+
+    class Recorded(PipelineData):
+        @property
+        def recordings(self) -> Any:
+            return [SimpleNamespace(time=np.zeros(size)) for size in (4_000, 10_000)]
+
+    study = Recorded(SimpleNamespace())  # type: ignore[arg-type]
+    chosen = study.at_most(samples, by_at_least=MIN_REDUCTION)
+    assert (chosen is study, chosen.max_samples) == (is_whole, None if is_whole else samples)
 
 
 def test_the_hidden_effect_is_named_with_its_size(hysteresis: Diagnosed) -> None:
@@ -287,6 +304,49 @@ def test_exact_twins_are_reported_as_a_set(tmp_path: Path) -> None:
     (named,) = [c for c in answer["candidates"] if c["effect"] == name]
     assert {"constant-force", "pressure-offset"} <= {name, *named["indistinguishable_from"]}
     assert "Vent both chambers" in answer["next_experiment"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "confidence", "shown", "interval"),
+    [
+        ((), 0.4, "wide fit with a", [1.0, 2.0]),
+        (("a", "b"), 0.9, "fit with a and b over all models", [1.0, 2.0]),
+        ((), 0.1, "fit with a", [None, None]),
+    ],
+)
+def test_an_effect_that_is_told_has_the_interval_of_the_model_that_it_is_told_of(
+    monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], confidence: float, shown: str, interval: list[Any]
+) -> None:
+    """Intervals of a model with unmodelled effects are wide; narrower ones would contradict the reason. What no
+    sentence tells has none, and no error: both take longer than its fit.
+    """
+    monkeypatch.setattr(diagnose, "_parameters", lambda pipeline, fit, name: {"size": Figure(1.5, 1.0, 2.0, fit)})
+    effect = SimpleNamespace(name="a", title="An effect", looks_like="")
+    reduced = SimpleNamespace(model="m", effect_names=["stribeck", "b"], cost=100.0)
+    candidate = SimpleNamespace(full=SimpleNamespace(model="m", fit="fit with a", cost=25.0), reduced=reduced)
+    reason = "supported" if missing else "interval-contains-null"
+    decision: Any = SimpleNamespace(effect=effect, candidate=candidate, reason=reason, supported=bool(missing))
+    data: Any = SimpleNamespace(
+        free_run_errors=lambda model: {"train": 2.0, "test": 2.0},
+        with_intervals=lambda fitted: f"wide {fitted.fit}",
+        held_out="test",
+        folds=(),
+    )
+    equivalents: Any = dict.fromkeys(missing, ())
+    found: Any = SimpleNamespace(
+        missing=missing,
+        equivalents=equivalents,
+        confidence={"a": Confidence(confidence, confidence)},
+        evidence={},
+        fit="fit with a and b over all models",
+        path=SimpleNamespace(models=[SimpleNamespace(effect_names=["stribeck"])]),
+    )
+    pipeline: Any = None
+    answer = diagnose._candidate_answer(pipeline, data, found, decision)
+    assert to_json(answer.parameters) == {"size": {"value": 1.5, "unit": shown, "ci95": interval}}
+    assert answer.residual_share == 0.75
+    assert answer.error_after == (None if interval == [None, None] else 2.0)
+    assert answer.beside == ["b"]
 
 
 def test_no_rung_raises_both_errors_and_each_entry_has_its_reason(hysteresis: Diagnosed) -> None:
