@@ -200,6 +200,14 @@ def test_attributes_name_the_columns_of_a_matrix(tmp_path: Path) -> None:
     assert reader.units == {0: "V", 1: "bar"}
 
 
+def test_columns_of_a_matrix_of_records_keep_the_name_of_their_field(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = np.zeros((4, 2), dtype=[("low", "f8"), ("high", "f8")])
+        file["data"].attrs["names"] = ["u", "p1"]
+    names = ["data/low/u", "data/low/p1", "data/high/u", "data/high/p1"]
+    assert list(opened(tmp_path / "a.h5").names) == names
+
+
 def mdf(path: Path, *, sync: int) -> Reader:
     """An MDF 4 of a group over time, and one whose master counts what ``sync`` says."""
     from asammdf import MDF, Signal

@@ -234,7 +234,7 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
         if kind.kind in "fiub":
             own = f"{name}/{field}" if field else name
             columns = column_names(own, dataset.shape)
-            columns = [f"{name}/{text}" for text in _column_titles(dataset, len(columns))] or columns
+            columns = [f"{own}/{text}" for text in _column_titles(dataset, len(columns))] or columns
             for number, column in enumerate(columns):
                 yield column, Place(name, field, number if len(columns) > 1 else None)
 
@@ -307,7 +307,7 @@ def _units(dataset: Any, count: int) -> list[str]:
 
 def _texts(attribute: Any) -> list[str]:
     """Return the texts of an attribute that is an array of them."""
-    own = list(np.ravel(attribute)) if np.ndim(attribute) == 1 else []
+    own = list(attribute) if np.ndim(attribute) == 1 else []
     return [as_text(one) for one in own] if all(isinstance(one, str | bytes) for one in own) else []
 
 
