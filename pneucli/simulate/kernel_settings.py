@@ -20,7 +20,7 @@ SHOWN_FILLING_STEP = 1e-3  # s, and there a longer one errs by at most 0.03 of t
 STEPS_PER_PERIOD = 4.0  # of a sampling period, where the rig's mass, stroke or supply is unknown
 GIVEN_MOTION_STEPS = 8.0  # of a moving piston, where the motion is measured: errs by less than those steps
 # times the noise: a half and a quarter of such a change differ from their mean by 2.9, 2.3 standard errors of
-# y(T/2) - 3/8 y(T) - 5/8 y(0), by which they are told apart
+# y(T/2) - 3/8 y(T) - 5/8 y(0), which distinguishes them
 START_NOISES = 23.0
 FILLING_RATE_QUANTILE = 0.99  # of the samples: higher rates are noise or last an instant
 

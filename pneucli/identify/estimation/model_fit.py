@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,7 +256,7 @@ def fit_with_effect(
     if has_edge:
         return completed(_cheapest(map(draft_from_test, ranked[:MAX_EDGE_STARTS])))
     draft = _cheapest(draft_from_test(t) for t in ranked if t is ranked[0] or (t.direct and t.gain > 0.0))
-    first = completed(_cheapest([draft, *map(draft_from, _with_direct_friction(draft, effect, affected))]))
+    first = completed(_cheapest([draft, *map(draft_from, _with_direct_friction(draft.model, effect, affected))]))
     if first.cost > fitted.cost:  # the predicted step was too long: start close to the null
         first = completed(draft_from_test(ranked[0], 0.05))
     for narrower in _with_narrower_overlaps(first.model, effect):  # by the play that was found
@@ -285,26 +286,24 @@ def _draft_of(stopping: StoppingRule) -> StoppingRule:
     return StoppingRule(stopping.max_iterations, max(stopping.tolerance, DRAFT_TOLERANCE))
 
 
-def _with_direct_friction(draft: Fit, effect: Effect, residual_models: Sequence[ResidualModel]) -> Iterator[Model]:
+def _with_direct_friction(model: Model, effect: Effect, residual_models: Sequence[ResidualModel]) -> Iterator[Model]:
     """Yield starts with the friction of the balance of forces where a law of the model ended beside its usual values.
 
     Without bristles a break-away looks different: the law of the sliding piston may then describe another part of the
     curve, with a velocity at its bound, and a fit that adds them does not return by itself.
     """
-    facts = rig_quantities(draft.model, [one.experiment for one in residual_models])
-    for law in draft.model.effects:
-        if law.name != effect.name and _is_unusual(draft, law, facts):
-            yield from (with_parameters(draft.model, v) for v in direct_guesses(law, draft.model, residual_models))
-            return
+    facts = rig_quantities(model, [one.experiment for one in residual_models])
+    unusual = (law for law in model.effects if law.name != effect.name and _is_unusual(model, law, facts))
+    for law in islice(unusual, 1):  # the direct values are those of all laws
+        yield from (with_parameters(model, v) for v in direct_guesses(law, model, residual_models))
 
 
-def _is_unusual(fitted: Fit, law: Effect, facts: RigQuantities) -> bool:
+def _is_unusual(model: Model, law: Effect, facts: RigQuantities) -> bool:
     """Whether a law of friction that samples give directly has a parameter without a null beside its typical values."""
-    for p in (p for p in law.parameters if p.direct and p.null is None and law.part == "cylinder"):
-        typical, value = p.range_on(facts).typical, parameter_value(fitted.model, f"{law.name}.{p.name}")
-        if typical and not min(typical) <= value <= max(typical):
-            return True
-    return False
+    direct = [p for p in law.parameters if p.direct and p.null is None] if law.part == "cylinder" else []
+    usual = {p.name: p.range_on(facts).typical for p in direct}
+    values = {name: parameter_value(model, f"{law.name}.{name}") for name in usual}
+    return any(own and not min(own) <= values[name] <= max(own) for name, own in usual.items())
 
 
 def _with_narrower_overlaps(start: Model, effect: Effect) -> Iterator[Model]:
