@@ -61,7 +61,7 @@ PHASES = {
     "equivalents": [("diagnose/equivalence.py", "equivalents")],
     "free-run error": [("diagnose/free_run_error.py", "channels")],
     "intervals": [("estimation/intervals.py", "with_intervals")],
-    "detectability": [("diagnose/detectability.py", "minimum_detectable_effects")],
+    "detectability": [("diagnose/diagnosis.py", "minimum_detectable_effects")],
     "fit of all recordings, baseline": [
         ("stages/changes.py", "write_baseline"),
         ("stages/changes.py", "fit_all_recordings"),

@@ -25,7 +25,7 @@ from benchmarks.door_pages import FURTHER_LAYOUTS, RATE, START, Sheet, stamps, w
 from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 
 COUNT, SUPPLY, AMBIENT = 700, 7.013e5, 1.013e5  # rows, Pa

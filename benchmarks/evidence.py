@@ -1,7 +1,7 @@
 """One evidence against the rules that decide: ``python -m benchmarks.evidence [--kappa K] [--odds O]``.
 
 Judges what ``benchmarks.score`` keeps: the sets of effects that each diagnosis fitted, by their evidence
-(``pneucli.diagnose.set_evidence``), and what the diagnosis said. Both are judged by families: an effect without its
+(``pneucli.diagnose.evidence``), and what the diagnosis said. Both are judged by families: an effect without its
 chamber. The log score is -log of the probability of what is true, summed over the effects that any fitted set has.
 """
 
@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from benchmarks.cases import Counts, Truth, judged, worlds
 from benchmarks.score import KEPT, SETS, package, source_digest
-from pneucli.diagnose.set_evidence import (
+from pneucli.diagnose.evidence import (
     KAPPA,
     PRIOR_ODDS,
     SetProbability,

@@ -354,7 +354,7 @@ def prepared(folder: Path, seed: int) -> tuple[dict[str, float], dict[str, Any]]
     from pneucli.config import load
     from pneucli.exam.cases import generate_case
     from pneucli.io.artifacts import read_table
-    from pneucli.pipeline.context import Context
+    from pneucli.pipeline.graph import Context
     from pneucli.stages import ingest
 
     truth = generate_case(folder, "axis", ("piston-leak",), "", 1.0, seed)

@@ -46,7 +46,7 @@ from pneucli.exam.rig.simulation import Excitation, empty_delay_line, limit_open
 from pneucli.export.export_files import write_c, write_c_source
 from pneucli.physics import gas
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms.area import ValveArea

@@ -43,7 +43,7 @@ from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.derivatives import as_rows
 from pneucli.simulate.dual import LANES
 from pneucli.simulate.experiment import Experiment
-from pneucli.simulate.kernel.valve import effective_area
+from pneucli.simulate.kernel.chamber import effective_area
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import noise_free_recording
 from pneucli.simulate.preparation import prepare

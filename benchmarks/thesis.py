@@ -49,7 +49,7 @@ from pneucli.design.control_laws import (
     design_variants,
     sliding_surfaces,
 )
-from pneucli.design.lpv import compare_weight_types
+from pneucli.design.pdc import compare_weight_types
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import axis_systems
 from pneucli.exam.cases import prepare_case

@@ -52,17 +52,17 @@ from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.identify.valve.charge_budget import Vessel, budget_of_conductance, conductance_factor, with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
-from pneucli.identify.valve.flow_path import coordinates_of
 from pneucli.identify.valve.identification import identify_valve
 from pneucli.identify.valve.iso6358 import IsoConductance
 from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit
+from pneucli.identify.valve.steady_rows import coordinates_of
 from pneucli.identify.valve.uncertainty import Measurement
 from pneucli.io.artifacts import read_table
 from pneucli.messages.identify import Budget
 from pneucli.noise import NoiseModel
 from pneucli.physics.iso_flow import REFERENCE_DENSITY, FlowCharacteristics, iso_mass_flow
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.quantities import Z95
 from pneucli.recording import Calibration, Recording, Rig
 from pneucli.simulate import layout as at

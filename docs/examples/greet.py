@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pneucli.cli.command import Command, How
+from pneucli.cli.command import Command, File, How
 from pneucli.cli.console import print_json, print_text
-from pneucli.cli.options import File
 
 
 def _greet(pipeline: File, how: How = How()) -> None:

@@ -14,8 +14,15 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.changes.baseline import Baseline, baseline_at_fit
-from pneucli.changes.comparison import ALARM_RATE, UNEXPLAINED, Comparison, Hypothesis, HypothesisTest
-from pneucli.changes.repeatability import NO_DRIFT, Repeatability
+from pneucli.changes.comparison import (
+    ALARM_RATE,
+    NO_DRIFT,
+    UNEXPLAINED,
+    Comparison,
+    Hypothesis,
+    HypothesisTest,
+    Repeatability,
+)
 from pneucli.distributions import chi_square_upper_quantile
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Fit

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from pneucli import extensions
+from pneucli import imports
 from pneucli.cli import commands, console
 from pneucli.cli.command import Command, with_common_options
 from pneucli.errors import InputError
@@ -64,9 +64,9 @@ def _all_commands() -> dict[str, Command]:
 def _others() -> dict[str, Command]:
     """Return the commands of other packages; one that cannot be loaded is left out, and said on standard error."""
     found = {}
-    for name, one in extensions.entry_points(extensions.COMMANDS).items():
+    for name, one in imports.entry_points(imports.COMMANDS).items():
         try:
-            found[name] = extensions.load(one)
+            found[name] = imports.load(one)
         except InputError as error:
             console.print_message(f"left out: {error}")
     return found

@@ -16,7 +16,7 @@ from pneucli.distributions import chi_square_tail, chi_square_upper_quantile
 from pneucli.executors.engine import map_in_threads, simulations_at_once
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.noise_propagation import NOISE_SEED, iterate_deviations
+from pneucli.simulate.outputs import NOISE_SEED, iterate_deviations
 
 TAIL = 0.01  # of correct models whose error exceeds the limit: a rig in a hundred is asked for what it does not lack
 

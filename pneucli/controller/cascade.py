@@ -33,8 +33,7 @@ from pneucli.controller.plant import (
     valve_command,
     valve_command_2,
 )
-from pneucli.controller.pressure_level import update_level
-from pneucli.controller.reference import follow_reference
+from pneucli.controller.reference import follow_reference, update_level
 from pneucli.controller.standstill import (
     braking_force,
     breakaway_ramp,

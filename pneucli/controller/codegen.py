@@ -29,7 +29,7 @@ from pneucli.controller.operation import (
     set_supply,
     track_commands,
 )
-from pneucli.controller.pressure_level import set_level
+from pneucli.controller.reference import set_level
 from pneucli.controller.valve_dynamics import null_command_1, null_command_2
 from pneucli.physics import gas
 

@@ -16,8 +16,7 @@ from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, S
 from pneucli.controller.parameters import Controller
 from pneucli.design import effect_compensation
 from pneucli.design.air_spring import level_settings
-from pneucli.design.bandwidths import Bandwidths, choose_bandwidths, loop_timing, valve_compensation
-from pneucli.design.gains import controller_gains
+from pneucli.design.bandwidths import Bandwidths, choose_bandwidths, controller_gains, loop_timing, valve_compensation
 from pneucli.design.reference_limits import reference_limits
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError

@@ -11,13 +11,17 @@ from pneucli.controller import layout
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.air_spring import max_motion_gradient
-from pneucli.design.bandwidths import Bandwidths
-from pneucli.design.gains import loop_gains, low_pass_share
-from pneucli.design.lpv import WeightStudy
-from pneucli.design.pdc import Pdc
+from pneucli.design.bandwidths import Bandwidths, loop_gains, low_pass_share
+from pneucli.design.pdc import Pdc, WeightStudy
 from pneucli.design.requirements import Requirements
-from pneucli.design.sliding import LinearSystem, surface_by_lq, surface_by_poles
-from pneucli.design.sliding_sector import SlidingSector, eta_for_slope, sector_from_eta
+from pneucli.design.sliding import (
+    LinearSystem,
+    SlidingSector,
+    eta_for_slope,
+    sector_from_eta,
+    surface_by_lq,
+    surface_by_poles,
+)
 from pneucli.errors import InputError
 from pneucli.messages.design import SlidingLine
 from pneucli.tp import TPModel
@@ -173,7 +177,7 @@ def collect_design_data(
         bandwidths: Corner frequencies of loops without prediction (rad/s).
         requirements: The table ``[design]``.
         surfaces: The lines of :func:`sliding_surfaces`.
-        weights: Studies of the weight types, :func:`pneucli.design.lpv.compare_weight_types`.
+        weights: Studies of the weight types, :func:`pneucli.design.pdc.compare_weight_types`.
         missing: Reasons for empty fields.
 
     """

@@ -3,19 +3,33 @@
 ``dx/dt = A x + B u + E d`` with m inputs. A disturbance in the span of B is matched (Drazenovic): it does not act in
 sliding mode. Friction and load of the pneumatic axis act on the velocity, where the valve does not act; hence the
 cascade of two subsystems that each satisfy the condition.
+
+The sliding sector from the vertices of the TP friction model (thesis 5.4, 6.2).
+
+The piston is ``dv/dt = F / m - a22(v) v``; a22 lies between two vertices a1 < a2. The sector lies between the lines
+``s_r = x2 + lambda_r x1`` of the position error x1 and its rate x2. The same equivalent force on both lines needs
+``lambda2 - lambda1 = a2 - a1``, and with the width ``alpha = lambda2 / lambda1`` follows
+``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18-6.20).
+
+The slopes depend on a22(0) = (Fs eta / 2 + Fv) / m (6.22) and hence on eta, a choice and not physics. The eta of the
+identified friction model follows from the resolution of its sensors and gives lines that no sampled controller can
+follow (lambda T > 1). The controller has its own: ``[design] eta``, by default such that the steeper line is the corner
+of the position loop.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_continuous_are
 
 from pneucli.arrays import Array
 from pneucli.errors import InputError
+from pneucli.messages.formatting import format_plain, format_quantity
 
 ROUNDING_TOLERANCE = 1e-9
 
@@ -219,3 +233,194 @@ def surface_by_lq(A: Array, B: Array, Q: Array) -> SlidingSurface:
 def _surface(form: RegularForm, gain: Array) -> SlidingSurface:
     S = np.hstack([gain, np.eye(len(form.B2))]) @ form.T
     return SlidingSurface(S, np.linalg.eigvals(form.A11 - form.A12 @ gain).astype(np.complex128))
+
+
+MAX_SLOPE_PER_SAMPLE = 0.2  # lambda T: a sampled controller overshoots a line by less than this share of its error
+
+
+@dataclass(frozen=True)
+class SlidingSector:
+    """Lines of slope ``lambda_1 < lambda_2`` (1/s) from vertices ``a_1 < a_2`` (1/s), for a mass (kg) and a period (s).
+
+    ``speed_floor``: the speed (m/s) below which a22 counts as constant, so that a22(0) = a_2.
+    """
+
+    a_1: float
+    a_2: float
+    lambda_1: float
+    lambda_2: float
+    mass: float
+    period: float
+    speed_floor: float
+
+    @property
+    def middle(self) -> float:
+        """Slope of the middle line in 1/s (5.14)."""
+        return 0.5 * (self.lambda_1 + self.lambda_2)
+
+    @property
+    def steepness(self) -> float:
+        """The steeper line's slope times the period."""
+        return self.lambda_2 * self.period
+
+    @property
+    def eta(self) -> float:
+        """Steepness in s/m of the smoothed sign (6.22) that resolves friction down to the same speed."""
+        return 2.0 / self.speed_floor
+
+    @property
+    def warning(self) -> str:
+        """The reason why a sampled controller cannot follow the lines; empty if it can."""
+        if self.steepness <= MAX_SLOPE_PER_SAMPLE:
+            return ""
+        return (
+            f"too steep for the sample time (lambda2 T = {format_plain(self.steepness, 3)}, "
+            f"at most {MAX_SLOPE_PER_SAMPLE}; a22(0) = {format_plain(self.a_2, 3)} 1/s "
+            f"with friction resolved down to {format_quantity(self.speed_floor, 'm/s', 2)}): "
+            "the law takes the sector of [design] eta"
+        )
+
+    def equivalent_force(self, v: ArrayLike, x2: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
+        """Return the equivalent force in N (6.16), mean of both lines, and a moving reference's acceleration.
+
+        For a constant one, x2 = v and both lines give the same force.
+        """
+        v, x2 = np.asarray(v, dtype=np.float64), np.asarray(x2, dtype=np.float64)
+        mean = 0.5 * (self.a_1 + self.a_2)
+        return np.asarray(self.mass * (mean * v - self.middle * x2 + np.asarray(acceleration)))
+
+    def switching_term(self, x1: ArrayLike, x2: ArrayLike, boundary_layer: float = 0.0) -> Array:
+        """Return the switching term, -1 to 1: minus the sign outside the sector, continuous across it (5.13).
+
+        Within ``boundary_layer`` (m) of the origin, where the sector has no width, the term is linear.
+        """
+        s1 = np.asarray(x2) + self.lambda_1 * np.asarray(x1)
+        s2 = np.asarray(x2) + self.lambda_2 * np.asarray(x1)
+        least = max((self.lambda_1 + self.lambda_2) * boundary_layer, np.finfo(float).tiny)
+        return np.asarray(-(s1 + s2) / np.maximum(np.abs(s1) + np.abs(s2), least))
+
+    def boundary_layer(self, max_force: float) -> float:
+        """Return the error in m below which a force of ``max_force`` N crosses the whole sector within one sample."""
+        return max_force * self.period / (self.mass * self.lambda_1)
+
+    def force(
+        self, x1: ArrayLike, x2: ArrayLike, v: ArrayLike, max_force: float, acceleration: ArrayLike = 0.0
+    ) -> Array:
+        """Return equivalent and switching force in N; ``max_force`` is M of (5.13)."""
+        return self.equivalent_force(v, x2, acceleration) + max_force * self.switching_term(
+            x1, x2, self.boundary_layer(max_force)
+        )
+
+
+def sector_from_vertices(
+    vertices: ArrayLike, mass: float, period: float, static: float, width: float = 2.0
+) -> SlidingSector:
+    """Return the sector of a TP friction model.
+
+    Args:
+        vertices: Vertices of a22 in 1/s, of any shape; the smallest and the largest count.
+        mass: Moving mass in kg.
+        period: Sample time in s.
+        static: Break-away force in N, for the speed floor.
+        width: lambda_2 / lambda_1, above 1.
+
+    Raises:
+        InputError: The vertices do not differ, or the width is not above 1.
+
+    References:
+        Thesis (6.18) to (6.20): lambda_2 - lambda_1 = a_2 - a_1.
+
+    >>> sector = sector_from_vertices([45.0, 20.0], mass=2.0, period=1e-3, static=20.0, width=2.0)
+    >>> sector.lambda_1, sector.lambda_2, sector.speed_floor
+    (25.0, 50.0, 0.4)
+    """
+    values = np.asarray(vertices, dtype=np.float64).ravel()
+    low, high = float(values.min()), float(values.max())
+    if width <= 1.0:
+        raise InputError("[design] sector_ratio", f"{format_plain(width)}", "above 1", code="E023")
+    if high - low <= 1e-9 * max(abs(high), 1.0):
+        raise InputError(
+            "the friction model", "its vertices are equal: a22 does not depend on speed", "dry friction", code="E070"
+        )
+    lambda_1 = (high - low) / (width - 1.0)
+    return SlidingSector(low, high, lambda_1, width * lambda_1, mass, period, speed_floor(high, mass, static, low))
+
+
+def sector_from_eta(
+    eta: float, mass: float, period: float, static: float, viscous: float, width: float = 2.0
+) -> SlidingSector:
+    """Return the sector of a friction model whose sign is smoothed by ``2 / (1 + exp(-eta v)) - 1``.
+
+    The vertices are those of a22 = F / (m v) over all speeds: ``a_1 = Fv / m`` and ``a_2 = (Fs eta / 2 + Fv) / m``.
+
+    Args:
+        eta: Steepness of the smoothed sign in s/m.
+        mass: Moving mass in kg.
+        period: Sample time in s.
+        static: Break-away force Fs in N.
+        viscous: Viscous friction Fv in N s/m.
+        width: lambda_2 / lambda_1, above 1.
+
+    Raises:
+        InputError: There is no dry friction, or the width is not above 1.
+
+    References:
+        Thesis (6.18) to (6.20), (6.22).
+
+    >>> sector = sector_from_eta(eta=5.0, mass=2.0, period=1e-3, static=20.0, viscous=40.0)
+    >>> sector.a_1, sector.a_2, sector.lambda_1, sector.lambda_2
+    (20.0, 45.0, 25.0, 50.0)
+
+    """
+    low = viscous / mass
+    return sector_from_vertices([low, low + 0.5 * eta * static / mass], mass, period, static, width)
+
+
+def eta_for_slope(slope: float, mass: float, static: float, width: float = 2.0) -> float:
+    """Return eta in s/m such that the steeper line of :func:`sector_from_eta` has the ``slope`` lambda_2 (1/s).
+
+    Infinite without dry friction, whose sector has no width.
+
+    >>> eta_for_slope(50.0, mass=2.0, static=20.0)
+    5.0
+    """
+    return 2.0 * mass * slope * (1.0 - 1.0 / width) / static if static > 0.0 else math.inf
+
+
+def limit_slope(sector: SlidingSector, static: float, max_slope: float) -> SlidingSector:
+    """Return the sector with a22(0) resolved only as far as a largest slope allows, or the same one.
+
+    Args:
+        sector: The sector.
+        static: Break-away force in N.
+        max_slope: Largest slope lambda_2 of the steeper line in 1/s.
+
+    Returns:
+        A sector of the same width whose steeper line has at most that slope.
+
+    >>> sector = sector_from_vertices([45.0, 20.0], mass=2.0, period=1e-3, static=20.0, width=2.0)
+    >>> limited = limit_slope(sector, static=20.0, max_slope=20.0)
+    >>> limited.lambda_1, limited.lambda_2, limited.a_2
+    (10.0, 20.0, 30.0)
+    """
+    if sector.lambda_2 <= max_slope:
+        return sector
+    width = sector.lambda_2 / sector.lambda_1
+    high = sector.a_1 + max_slope * (1.0 - 1.0 / width)
+    floor = speed_floor(high, sector.mass, static, sector.a_1)
+    return SlidingSector(sector.a_1, high, max_slope / width, max_slope, sector.mass, sector.period, floor)
+
+
+def speed_floor(a_0: float, mass: float, static: float, a_1: float) -> float:
+    """Return the speed in m/s at which dry friction makes the damping a_0 in addition to that of the other vertex.
+
+    Args:
+        a_0: Vertex a22(0) in 1/s.
+        mass: Moving mass in kg.
+        static: Break-away force in N.
+        a_1: The smaller vertex in 1/s.
+
+    >>> speed_floor(45.0, mass=2.0, static=20.0, a_1=20.0)
+    0.4
+    """
+    return static / (mass * (a_0 - a_1)) if a_0 > a_1 else math.inf

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.diagnose.adequacy import LackOfFit, held_out_lack_of_fit, lack_of_fit_by_channel
 from pneucli.diagnose.candidate import Candidate, Decision
-from pneucli.diagnose.evidence import gain_p_value, relative_effect_sizes, replaced_base_parameters, wald_p_value
+from pneucli.diagnose.evidence import (
+    VisitedSet,
+    gain_p_value,
+    relative_effect_sizes,
+    replaced_base_parameters,
+    wald_p_value,
+)
 from pneucli.diagnose.score import (
     Bounds,
     ErrorsOfModel,
@@ -27,7 +33,6 @@ from pneucli.diagnose.score import (
     held_out_costs,
     log_variances,
 )
-from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.diagnose.spline_regression import SplineRegression
 from pneucli.experiments import Part
 from pneucli.identify.estimation.blocks import GroupSums, block_labels, group_sums

@@ -19,8 +19,8 @@ from pneucli.compare.goodness_of_fit import (
     parameter_error_squares,
 )
 from pneucli.diagnose.score import ErrorsByUse
-from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.intervals import draw_parameters
 from pneucli.messages.compare import LackOfFit
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, with_parameters

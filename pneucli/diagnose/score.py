@@ -19,7 +19,7 @@ from pneucli.identify.estimation.blocks import block_labels, channel_slices
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.objective import in_noise_units
 from pneucli.identify.residuals import ResidualModel
-from pneucli.identify.residuals.initial_state import apply_whitening
+from pneucli.identify.residuals.base import apply_whitening
 from pneucli.physics.declaration import Effect
 from pneucli.simulate.model import Model
 

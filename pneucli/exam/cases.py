@@ -23,8 +23,7 @@ from pneucli.exam.hidden_effects import (
 )
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.recording_programme import RecordingProgramme
-from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX, wall_conductance
-from pneucli.exam.rig.hose import hose_volume
+from pneucli.exam.rig.gas import GAS_CONSTANT, PSI_MAX, hose_volume, wall_conductance
 from pneucli.exam.rig.parameters import FIVE_THREE, ONE_CHAMBER, TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors
 from pneucli.exam.rig_scaling import RigScaling

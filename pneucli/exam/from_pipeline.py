@@ -29,7 +29,7 @@ from pneucli.exam.rig.simulation import LOOP_PERIOD, Excitation
 from pneucli.exam.rig_scaling import DIMENSIONS, RigScaling
 from pneucli.figure import to_json
 from pneucli.io.artifacts import write_text
-from pneucli.pipeline.context import NO_PROGRESS, Context, Progress
+from pneucli.pipeline.graph import NO_PROGRESS, Context, Progress
 from pneucli.pipeline.manifest import program_digest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig

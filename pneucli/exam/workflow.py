@@ -23,7 +23,7 @@ from pneucli.executors.dask_cluster import engine_from
 from pneucli.executors.engine import run_jobs
 from pneucli.figure import to_json
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of, write_text
-from pneucli.pipeline.context import NO_PROGRESS, Progress
+from pneucli.pipeline.graph import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_digest, program_versions
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.stages.pipeline_file import load_pipeline_file

@@ -17,7 +17,7 @@ from pneucli.closed_loop.scenarios import equilibrium_at
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, Scenario, simulate
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller
-from pneucli.export import c_source, controller_file, structured_text
+from pneucli.export import c_source, controller_program, structured_text
 from pneucli.export.controller_program import PREFIX, named
 from pneucli.export.single_precision import run_in_single_precision
 from pneucli.io.artifacts import atomic_path, write_text
@@ -130,7 +130,7 @@ def write_st(
 
 def write_replay(folder: Path, controller: Controller, pipeline: str, precision: str) -> None:
     """Write the controller as the file that a log of it names."""
-    write_text(folder / controller_file.FILE_NAME, controller_file.to_json(controller, pipeline, precision))
+    write_text(folder / controller_program.FILE_NAME, controller_program.to_json(controller, pipeline, precision))
 
 
 def write_csv(path: Path, table: Columns) -> None:

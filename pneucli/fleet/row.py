@@ -12,7 +12,7 @@ from typing import Any
 
 import tomlkit
 
-from pneucli.changes.repeatability import RepeatDifferences, VariancePrior
+from pneucli.changes.comparison import RepeatDifferences, VariancePrior
 from pneucli.errors import InputError
 from pneucli.figure import read
 from pneucli.fleet.row_files import (
@@ -25,9 +25,8 @@ from pneucli.fleet.row_files import (
     row_folder,
     write_result,
 )
-from pneucli.io import remote_files
 from pneucli.io.artifacts import sha256_of
-from pneucli.io.result_store import Store, store_at
+from pneucli.io.result_store import Store, content_stamp, fetch, is_remote, store_at
 from pneucli.messages.diagnose import Answer
 from pneucli.pipeline.graph import STAGES
 from pneucli.pipeline.manifest import MANIFEST_FILE as MANIFEST
@@ -117,8 +116,8 @@ def input_stamp(job: Job) -> str:
 
 
 def _stamp(name: str) -> str:
-    if remote_files.is_remote(name):
-        return remote_files.content_stamp(name)
+    if is_remote(name):
+        return content_stamp(name)
     try:
         status = Path(name).stat()
     except OSError:  # a glob, a variable, or no such file
@@ -217,10 +216,10 @@ def _fetch_inputs(job: Job, scratch: Path) -> tuple[str, dict[str, str]]:
     tables: Any = document.get("recordings", [])
     for number, one in enumerate(one for table in tables for one in (table, *table.get("more", []))):
         name = str(one["file"])
-        if remote_files.is_remote(name):
+        if is_remote(name):
             folder = scratch / "raw" / str(number)
             folder.mkdir(parents=True)
-            one["file"] = str(remote_files.fetch(name, folder))
+            one["file"] = str(fetch(name, folder))
         path = Path(str(one["file"]))
         matches = [path] if path.is_file() else sorted(path.parent.glob(path.name)) if "*" in path.name else []
         hashes |= {f"{name} {match.name}": sha256_of(match) for match in matches}

@@ -19,8 +19,7 @@ import tomlkit
 
 from pneucli.errors import InputError, did_you_mean, environment_error, printable, require_known
 from pneucli.figure import Figure, named, read, to_json
-from pneucli.io.remote_files import is_remote
-from pneucli.io.result_store import Store
+from pneucli.io.result_store import Store, is_remote
 from pneucli.messages.changes import Change, Repeatability
 from pneucli.messages.compare import evaluation_error
 from pneucli.messages.diagnose import Answer, selected_step

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from pneucli import paths
-from pneucli.changes.repeatability import RepeatDifferences, VariancePrior, pool_priors
+from pneucli.changes.comparison import RepeatDifferences, VariancePrior, pool_priors
 from pneucli.config import FleetConfig, keys_at
 from pneucli.config.load import FleetTable
 from pneucli.document import read_toml
@@ -37,11 +37,10 @@ from pneucli.fleet.row_files import (
     write_result,
 )
 from pneucli.io.artifacts import Provenance, sha256_of
-from pneucli.io.remote_files import is_remote
-from pneucli.io.result_store import mirror_folder, store_at
+from pneucli.io.result_store import is_remote, mirror_folder, store_at
 from pneucli.messages.fleet import Answer, Failures, HealthySpread, RigChanges, progress_text
 from pneucli.pipeline import folders
-from pneucli.pipeline.context import NO_PROGRESS, Progress
+from pneucli.pipeline.graph import NO_PROGRESS, Progress
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import Z95
 

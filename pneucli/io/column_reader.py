@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time, parse_since
-from pneucli.io.damaged_files import library_errors_as_input_errors
+from pneucli.io.packed import library_errors_as_input_errors
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Reader, Repair
 
 FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]

@@ -82,7 +82,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class SectorAnswer:
-    """A sliding sector (:class:`pneucli.design.sliding_sector.SlidingSector`), and why it is not followed, if so."""
+    """A sliding sector (:class:`pneucli.design.sliding.SlidingSector`), and why it is not followed, if so."""
 
     a_1: float
     a_2: float

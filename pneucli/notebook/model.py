@@ -9,7 +9,7 @@ from typing import Any
 from pneucli.config import validate
 from pneucli.io.artifacts import read_metadata
 from pneucli.io.recordings import SIGNALS_FILE
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import ROTARY_UNITS, axis_motion
 from pneucli.simulate.model import Model

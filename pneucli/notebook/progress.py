@@ -15,7 +15,7 @@ from typing import TextIO
 from pneucli.errors import printable
 from pneucli.messages.progress import LOG_INTERVAL_VARIABLE, progress_line
 from pneucli.paths import from_here
-from pneucli.pipeline.context import NO_PROGRESS, Progress
+from pneucli.pipeline.graph import NO_PROGRESS, Progress
 
 REDRAW_INTERVAL = 0.5  # s, between two drawings of the line on a terminal
 LOG_INTERVAL = 30.0  # s, between two lines in a log, unless the environment says otherwise

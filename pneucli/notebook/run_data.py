@@ -16,7 +16,7 @@ from pneucli.pipeline.runner import Pipeline
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pneucli.notebook.valve_map import ValveMap
+    from pneucli.notebook.data_frames import ValveMap
     from pneucli.simulate.model import Model
     from pneucli.stages.pipeline_data import PipelineData
 
@@ -106,8 +106,7 @@ class RunData:
         return self._valve_map(2)
 
     def _valve_map(self, chamber: Literal[1, 2]) -> ValveMap:
-        from pneucli.notebook.data_frames import select_rows  # noqa: PLC0415 - pandas takes a moment
-        from pneucli.notebook.valve_map import ValveMap  # noqa: PLC0415 - so does scipy
+        from pneucli.notebook.data_frames import ValveMap, select_rows  # noqa: PLC0415 - pandas takes a moment
 
         maps = [self.table(f"identify/valve_{name}") for name in ("map", "inverse")]
         chambers = set(maps[0]["chamber"]) if "chamber" in maps[0] else {1}

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pneucli import extensions, paths
+from pneucli import imports, paths
 from pneucli.version import __version__
 
 MANIFEST_FILE = "stage.json"
@@ -45,7 +45,7 @@ def program_digest() -> str:
         content.update(name.encode() + b"\0")
         with open(os.path.join(package, name), "rb", buffering=0) as file:
             content.update(file.read())
-    content.update(repr(extensions.versions()).encode())
+    content.update(repr(imports.versions()).encode())
     return f"{__version__} {content.hexdigest()}"
 
 

@@ -19,8 +19,7 @@ from pneucli.imports import load_on_use, paused_collection
 from pneucli.messages.progress import starting
 from pneucli.pipeline import folders, workload
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import NO_PROGRESS, Context, NotApplicable, Progress, Workload
-from pneucli.pipeline.graph import STAGES, Stage, upstream
+from pneucli.pipeline.graph import NO_PROGRESS, STAGES, Context, NotApplicable, Progress, Stage, Workload, upstream
 from pneucli.pipeline.manifest import Inputs, Manifest, Stamp
 from pneucli.quantities import axis_motion, in_axis_units
 

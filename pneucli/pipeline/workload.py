@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pneucli.messages.formatting import join_names
 from pneucli.paths import cache_folder
-from pneucli.pipeline.context import Context, Workload
+from pneucli.pipeline.graph import Context, Workload
 from pneucli.pipeline.manifest import digest
 
 if TYPE_CHECKING:

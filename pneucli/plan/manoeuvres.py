@@ -1,13 +1,15 @@
-"""The manoeuvres that a bench can carry out, and the programme that is drawn from them."""
+"""The manoeuvres that a bench can carry out, the programme that is drawn from them, and its recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import zip_longest
 
 import numpy as np
 
+from pneucli.figure import named
+from pneucli.messages.plan import PlannedRecording, by_hand_text
 from pneucli.plan.bench import Bench, Drive
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvre import (
@@ -22,6 +24,8 @@ from pneucli.plan.manoeuvre import (
     shifted,
     sine,
 )
+from pneucli.plan.simulation import start_of
+from pneucli.simulate.model import Model
 
 CHANGE_OVER_TIME = 2.0  # s of machine time between two manoeuvres, to save a file and start the next
 TEST_EVERY = 3  # of the recordings of a bench one is held out: the diagnosis confirms an effect by it
@@ -313,3 +317,25 @@ def _in_turn(listed: Sequence[Manoeuvre], rng: np.random.Generator) -> Iterator[
         kinds.setdefault(one.bench.name, {}).setdefault((*one.bench.setup, one.kind), []).append(one)
     queues = [(one for turn in zip_longest(*of_bench.values()) for one in turn if one) for of_bench in kinds.values()]
     yield from (one for turn in zip_longest(*queues) for one in turn if one)
+
+
+def planned_recordings(programme: Sequence[Manoeuvre], model: Model) -> Iterator[PlannedRecording]:
+    """Yield the planned recordings with their times in ``commands.csv``."""
+    begin = 0.0
+    for number, m in enumerate(programme, 1):
+        yield replace(planned_recording(m, model), name=f"plan_{number}_{m.kind}", begin=begin, end=begin + m.duration)
+        begin += cost_of(m)
+
+
+def planned_recording(m: Manoeuvre, model: Model) -> PlannedRecording:
+    """Return one manoeuvre as a recording of a rig that a model describes."""
+    bench = m.bench
+    return PlannedRecording(
+        *(m.use, m.kind, bench.name, bench.experiment, bench.drive, bench.quantity),
+        *(bench.template.chamber_2, bench.template.chamber, bench.template.imposed),
+        valve="shut" if m.kind == "shut-valve" else None,
+        start=asdict(start_of(m, model)),
+        gain=bench.gain if bench.drive == "position" else None,
+        **named(m, "centre level frequency speed pressure force added_mass"),
+        by_hand=by_hand_text(m.kind, m.force, m.added_mass) if m.by_hand else None,
+    )

@@ -32,25 +32,21 @@ from pneucli.simulate.kernel import (
     chamber,
     friction,
     hose,
-    imposed,
     run,
     sensors,
     step,
     table_friction,
-    valve,
 )
 
 _LOCK = Lock()  # threads ask for kernels
 PARTS = (
     arrays,
-    valve,
     hose,
     chamber,
     friction,
     sensors,
     step,
     run,
-    imposed,
     balance,
     table_friction,
 )  # in the order of the text
@@ -67,7 +63,7 @@ ENTRY_POINTS = (
 CALLED = ("advance",)  # twice, and too long to be inlined twice
 
 # the kernel of dual numbers: a recording whose motion is given, from what its gas depends on
-DUAL_PARTS = (arrays, valve, hose, chamber, sensors, step, run)
+DUAL_PARTS = (arrays, hose, chamber, sensors, step, run)
 DIFFERENTIABLE = ("rig.dead_volume_1", "rig.dead_volume_2", "rig.supply_pressure", "rig.polytropic_exponent")
 DUAL_TEXT = """
 P1, P2, R1, R2, GAS_T, FLOW = D_P1, D_P2, D_R1, D_R2, D_GAS_T, D_FLOW

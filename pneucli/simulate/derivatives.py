@@ -16,8 +16,7 @@ from pneucli.simulate.build import DIFFERENTIABLE
 from pneucli.simulate.dual import LANES, ROW
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import base_vector, kernel_arguments, kernel_for, temperature_lag
-from pneucli.simulate.temperature_sensor import temperature_reading
+from pneucli.simulate.run import base_vector, kernel_arguments, kernel_for, temperature_lag, temperature_reading
 
 COLUMNS = {"p1": at.D_R1, "p2": at.D_R2, "temperature": at.D_GAS_T, "flow": at.D_FLOW}
 _LOCAL = local()

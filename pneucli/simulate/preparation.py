@@ -17,10 +17,11 @@ from pneucli.simulate.motion_smoother import (
     MeasuredMotion,
     MotionSmoother,
     estimate_acceleration_delay,
+    integrated_motion,
     smooth_inputs,
+    without_constant_position,
 )
 from pneucli.simulate.position_smoother import fit_position_smoother
-from pneucli.simulate.velocity_integration import integrated_motion, without_constant_position
 
 SMOOTHED_PRESSURES = ("p1", "p2", "p_supply")
 MIN_SMOOTHED_SAMPLES = 80  # samples; fewer are taken as they are

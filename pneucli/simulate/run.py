@@ -1,4 +1,4 @@
-"""Run a model over an experiment."""
+"""Run a model over an experiment; readings of slow sensors of temperature, and of a force on a clock of its own."""
 
 from __future__ import annotations
 
@@ -8,16 +8,184 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneucli.arrays import Array, read_only
+from pneucli.caches import compiled, part
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue_with_sides, with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
-from pneucli.simulate.force_clock import with_force_in_time
+from pneucli.simulate.kernel.sensors import first_order_lag
 from pneucli.simulate.model import Model
-from pneucli.simulate.temperature_sensor import temperature_reading
+
+MIN_SPEED = 1e-9  # m/s, below which nothing moves
+SLOPE_SAMPLES = 4  # on each side, over which the slope between two samples is taken
+
+
+def shifted(time: Array, values: Array, delay: float) -> Array:
+    """Return a signal as it is a time later; beyond its ends the first and the last value are held.
+
+    The nearest sample is extended along the slope over samples around it: the mean of two neighbours would have less
+    noise than either, and a delay could gain by it.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        values: The signal, shape (n,).
+        delay: Time in s; may be negative.
+
+    Returns:
+        The signal at ``time + delay``, shape (n,).
+
+    >>> time = np.arange(10.0)
+    >>> shifted(time, 3.0 * time, 2.5)[:3].tolist()
+    [7.5, 10.5, 13.5]
+    >>> shifted(time, 3.0 * time, -2.0)[:4].tolist()
+    [0.0, 0.0, 0.0, 3.0]
+    """
+    wanted, last = np.clip(time + delay, time[0], time[-1]), time.size - 1
+    nearest = np.searchsorted(0.5 * (time[1:] + time[:-1]), wanted)
+    before, after = np.maximum(nearest - SLOPE_SAMPLES, 0), np.minimum(nearest + SLOPE_SAMPLES, last)
+    slope = (values[after] - values[before]) / (time[after] - time[before])
+    return np.asarray(values[nearest] + (wanted - time[nearest]) * slope)
+
+
+def recorded_late(experiment: Experiment, force: Array, v: Array, delay: float) -> Array:
+    """Return the force that an imposed motion needs as its sensor records it.
+
+    Dry friction jumps where the motion turns, which may be a sampling period early or late. Closer to the turn than
+    that, the reading itself replaces a share of the force, all of it at the turn: what is compared is a continuous
+    function of the delay. It replaces all of it where the motion of that time was not recorded.
+
+    Args:
+        experiment: An experiment with an imposed motion and a recorded force.
+        force: The force in N at the time at which it acts, shape (n,).
+        v: Velocity in m/s, shape (n,).
+        delay: Delay in s; may be negative.
+
+    Returns:
+        Force in N, shape (n,).
+    """
+    e, out = experiment, np.empty(experiment.time.size)
+    signals = read_only(e.time), read_only(force), read_only(v), read_only(e.raw["force"])
+    _write_recorded_late(*signals, e.recording.period, delay, out)
+    return out
+
+
+@compiled(nogil=True, error_model="numpy")
+def _write_recorded_late(
+    time: Array, force: Array, v: Array, recorded: Array, period: float, delay: float, out: Array
+) -> None:
+    """Write the force at each sample, in one pass."""
+    place = before = behind = 1
+    for i in range(time.size):
+        earlier = min(max(time[i] - delay, time[0]), time[-1])
+        place, before = _next_sample(time, earlier, place), _next_sample(time, earlier - period, before)
+        behind = _next_sample(time, earlier + period, behind)
+        way, speed = _share_of_way(time, earlier, place), _interpolated(time, v, earlier, place)
+        if np.sign(v[place - 1]) * np.sign(speed) < 0.0:  # along the samples of the same direction
+            way = 1.0
+        elif np.sign(v[place]) * np.sign(speed) < 0.0:
+            way = 0.0
+        later = _interpolated(time, v, earlier + period, behind)
+        change = abs(later - _interpolated(time, v, earlier - period, before)) / 2.0
+        share = min(abs(speed) / max(change, MIN_SPEED), 1.0) if earlier == time[i] - delay else 0.0
+        acting = (1.0 - way) * force[place - 1] + way * force[place]
+        out[i] = share * acting + (1.0 - share) * recorded[i]
+
+
+@part()
+def _next_sample(time: Array, wanted: float, place: int) -> int:
+    """Return the first sample from ``place`` on, if not the last one, that is not before a time."""
+    while place < time.size - 1 and time[place] < wanted:
+        place += 1
+    return place
+
+
+@part()
+def _share_of_way(time: Array, wanted: float, place: int) -> float:
+    """Return how far a time is on the way to a sample from the one before, from 0 to 1."""
+    return float(min(max((wanted - time[place - 1]) / (time[place] - time[place - 1]), 0.0), 1.0))
+
+
+@part()
+def _interpolated(time: Array, values: Array, wanted: float, place: int) -> float:
+    """Return a signal between a sample and the one before."""
+    way = _share_of_way(time, wanted, place)
+    return float((1.0 - way) * values[place - 1] + way * values[place])
+
+
+def force_delay(model: Model, experiment: Experiment) -> float:
+    """Return the time in s by which the model has the force recorded later than the motion; 0 where none was."""
+    return model.sum_of_port("force_delay") if "force" in experiment.raw else 0.0
+
+
+def with_force_in_time(model: Model, experiment: Experiment, inputs: Array) -> Array:
+    """Return inputs in which the recorded force stands at the time at which it acted.
+
+    Args:
+        model: The model.
+        experiment: The experiment.
+        inputs: Inputs in the kernel's layout, shape (n, 8).
+
+    Returns:
+        Inputs, shape (n, 8); the same array where the model has no such delay.
+    """
+    delay = force_delay(model, experiment)
+    if delay == 0.0:
+        return inputs
+    moved = inputs.copy()
+    moved[:, at.IN_FORCE] = shifted(experiment.time, inputs[:, at.IN_FORCE], delay)
+    return moved
+
+
+SAME_STEP = 1e-9  # of a step: the rounding of stamps
+
+
+def temperature_reading(time: Array, temperature: Array, time_constant: float, starts: NDArray[np.int64]) -> Array:
+    """Return the reading of a first-order sensor, which starts at the gas temperature, after each gap anew.
+
+    The reading is linear in the temperature: of a derivative of the temperature it is that derivative of the reading.
+
+    Args:
+        time: Time stamps in s, shape (n,).
+        temperature: Gas temperature in K, or derivatives of it by m parameters; shape (n,) or (n, m).
+        time_constant: Time constant in s, above 0.
+        starts: Samples at which it starts: the first one, and those after gaps.
+
+    Returns:
+        Reading in K, of the shape of ``temperature``.
+
+    >>> time = np.arange(0.0, 5.0, 0.01)
+    >>> ramp = 293.0 + 10.0 * time
+    >>> late = ramp - temperature_reading(time, ramp, 0.3, np.array([0]))
+    >>> round(float(late[-1]), 3)  # of a ramp of 10 K/s, once the start is forgotten
+    3.0
+    """
+    columns = np.ascontiguousarray(temperature, dtype=np.float64).reshape(time.size, -1)
+    reading = columns.copy()
+    _follow(time, columns, starts, time_constant, reading)
+    return reading.reshape(temperature.shape)
+
+
+_lag: Callable[..., float] = compiled(nogil=True)(first_order_lag)
+
+
+@compiled(nogil=True)
+def _follow(time: Array, columns: Array, starts: NDArray[np.int64], time_constant: float, reading: Array) -> None:
+    """Follow the columns; an exponential costs more than a step, and most steps of a recording are alike."""
+    known, kept, earlier, now = 0.0, 0.0, 0.0, 0.0
+    for s in range(starts.size):
+        end = starts[s + 1] if s + 1 < starts.size else time.size
+        for i in range(starts[s] + 1, end):
+            step = time[i] - time[i - 1]
+            if not abs(step - known) <= SAME_STEP * step:
+                known, kept = step, _lag(step, 0.0, time_constant, 1.0, 0.0)
+                earlier, now = _lag(step, 0.0, time_constant, 0.0, 1.0), _lag(step, 1.0, time_constant, 0.0, 0.0)
+            for j in range(columns.shape[1]):
+                reading[i, j] = kept * reading[i - 1, j] + earlier * columns[i - 1, j] + now * columns[i, j]
+
 
 RECENT_RUNS = 4  # of a recording: more are hardly asked for again
 RECENT_BYTES = 16 << 20  # of all of them

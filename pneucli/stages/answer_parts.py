@@ -21,7 +21,7 @@ from pneucli.plausibility.required_inputs import assumptions, volumes_to_identif
 from pneucli.quantities import axis_parameter_name
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value
-from pneucli.stages.flow_units import flow_unit_assumptions
+from pneucli.stages.absent_columns import flow_unit_assumptions
 from pneucli.stages.pipeline_data import PipelineData
 
 FREE_RUN_KEYS = ("rmsd", "percent", "ratio_to_noise", "ratio_limit")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.changes.baseline import Baseline, Coordinate, TypicalEffect, align, fit_baseline
-from pneucli.changes.comparison import ALARM_RATE
-from pneucli.changes.repeatability import (
+from pneucli.changes.comparison import (
+    ALARM_RATE,
     NO_DRIFT,
     Repeatability,
     RepeatDifferences,
@@ -36,8 +36,7 @@ from pneucli.messages.changes import Change, Since
 from pneucli.messages.design import Quantity
 from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import Context
-from pneucli.pipeline.graph import STAGES
+from pneucli.pipeline.graph import STAGES, Context
 from pneucli.simulate.model import Model
 from pneucli.stages.model_file import load_model, save_model
 from pneucli.stages.pipeline_data import PipelineData

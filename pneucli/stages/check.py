@@ -20,8 +20,7 @@ from pneucli.messages.identify import Assumption
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import RequiredInput, assumptions, required_inputs
 from pneucli.recording import Recording
-from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.flow_units import flow_unit_assumptions
+from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults, flow_unit_assumptions
 from pneucli.stages.ingest import open_recording, recorded_signals
 from pneucli.stages.pipeline_file import parameter_priors, with_started_supply
 

@@ -34,7 +34,7 @@ from pneucli.compare.goodness_of_fit import excused_error, is_judged, judge_fit,
 from pneucli.compare.residual_correlation import Correlation, residual_correlations
 from pneucli.config import recording_sources
 from pneucli.controller import layout
-from pneucli.export.controller_file import ExportedController, load_controller
+from pneucli.export.controller_program import ExportedController, load_controller
 from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.figure import read, to_answer
 from pneucli.identify.valve.flow_bench import FlowComparison
@@ -42,7 +42,7 @@ from pneucli.io.artifacts import TableWriter, schema_from
 from pneucli.messages.compare import Answer, ChannelResult, Commissioned, LackOfFit, ModelAnswer
 from pneucli.messages.compare import ControllerLog as ControllerLogAnswer
 from pneucli.messages.progress import counted
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model

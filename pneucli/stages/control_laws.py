@@ -31,7 +31,7 @@ from pneucli.errors import InputError
 from pneucli.io.artifacts import Tables
 from pneucli.messages.design import Cases, observer_at_bound
 from pneucli.messages.findings import tell
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model

@@ -49,10 +49,15 @@ from pneucli.design.control_laws import (
     sliding_surfaces,
 )
 from pneucli.design.effect_compensation import has_restoring_force
-from pneucli.design.lpv import WeightStudy, compare_weight_types
+from pneucli.design.pdc import WeightStudy, compare_weight_types
 from pneucli.design.requirements import Requirements, read_requirements
-from pneucli.design.sliding import axis_systems, unmatched_disturbances
-from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices
+from pneucli.design.sliding import (
+    SlidingSector,
+    axis_systems,
+    limit_slope,
+    sector_from_vertices,
+    unmatched_disturbances,
+)
 from pneucli.errors import InputError
 from pneucli.figure import to_answer
 from pneucli.io.artifacts import Tables, read_table, write_text
@@ -78,7 +83,7 @@ from pneucli.messages.design import (
 )
 from pneucli.messages.progress import counted
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.stages.control_laws import (

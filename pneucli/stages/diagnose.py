@@ -47,7 +47,7 @@ from pneucli.messages.progress import (
     FREE_RUN_PROGRESS,
     GIVEN_MODEL_PROGRESS,
 )
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history

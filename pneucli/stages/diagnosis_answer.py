@@ -11,11 +11,10 @@ import numpy as np
 from pneucli.compare.error_regions import locator_signals
 from pneucli.diagnose.adequacy import bins_of
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.detectability import MinimumDetectableEffect
-from pneucli.diagnose.diagnosis import Diagnosis
+from pneucli.diagnose.diagnosis import Diagnosis, MinimumDetectableEffect
 from pneucli.diagnose.discrepancy import UnexplainedResidual
+from pneucli.diagnose.evidence import VisitedSet
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.set_evidence import VisitedSet
 from pneucli.figure import FIGURE_COLUMNS, Figure
 from pneucli.identify.estimation.parameters import null_value
 from pneucli.identify.residuals import ResidualModel
@@ -41,12 +40,12 @@ from pneucli.messages.plan import (
     distinguishing_experiment,
 )
 from pneucli.physics.declaration import Effect
+from pneucli.plan.manoeuvres import planned_recording
 from pneucli.plan.rivals import most_discriminating_manoeuvre
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model
 from pneucli.stages.answer_parts import vessel_scale
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.stages.planned_recordings import planned_recording
 
 SHAPE_BINS = 40
 SHAPE_FILE = "shape.parquet"

@@ -17,7 +17,7 @@ from pneucli.figure import to_answer
 from pneucli.io.artifacts import read_table
 from pneucli.messages.export import Answer, ExportedController, PlantAnswer, PrecisionCost
 from pneucli.messages.progress import counted
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.simulate.model import Model
 from pneucli.stages.control_laws import closed_loop_setup, load_controller
 from pneucli.stages.flow_bench import require_recordings_over_time

@@ -14,8 +14,8 @@ from pneucli.errors import InputError
 from pneucli.figure import Figure, named, to_answer
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
-from pneucli.identify.valve.flow_path import FlowPath
 from pneucli.identify.valve.steady_budget import with_flow_budgets
+from pneucli.identify.valve.steady_rows import FlowPath
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
 from pneucli.io.artifacts import Tables, TableWriter
 from pneucli.messages.compare import ChannelResult, ModelAnswer
@@ -24,7 +24,7 @@ from pneucli.messages.flow import Flow, FlowFinding, FlowResidual
 from pneucli.messages.flow import FlowPath as FlowPathAnswer
 from pneucli.messages.identify import Answer, Uncertainty
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
-from pneucli.pipeline.context import NotApplicable
+from pneucli.pipeline.graph import NotApplicable
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
 from pneucli.stages.answer_parts import assumed_values, measurement_of

@@ -10,9 +10,15 @@ from pneucli.compare import overall_error
 from pneucli.diagnose.free_run_error import held_out_error, remaining_error_share, removed_error_share
 from pneucli.errors import InputError
 from pneucli.figure import Figure, read, to_answer
-from pneucli.identify.valve.flow_bench import FlowBench, compare_flow
+from pneucli.identify.valve.flow_bench import (
+    FlowBench,
+    FlowHypothesis,
+    closed_paths,
+    compare_flow,
+    fit_hypothesis,
+    leak_area,
+)
 from pneucli.identify.valve.flow_findings import AREA_FINDINGS, bench_findings
-from pneucli.identify.valve.flow_hypotheses import FlowHypothesis, closed_paths, fit_hypothesis, leak_area
 from pneucli.identify.valve.iso6358 import ELLIPSE_SUBSONIC_INDEX
 from pneucli.identify.valve.steady_flow import MIN_GAIN
 from pneucli.messages.compare import GOOD_ERROR_RATIO

@@ -18,7 +18,7 @@ from typing import Any
 from pneucli.figure import read
 from pneucli.messages.history import Model
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 
 FOLDER = "history"
 ANSWER = "answer.json"

@@ -8,9 +8,8 @@ from typing import Any
 
 from pneucli.errors import InputError
 from pneucli.figure import Figure, to_answer
-from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Estimate, Fit, Iteration, report_iterations_to, without_data
-from pneucli.identify.estimation.intervals import with_intervals
+from pneucli.identify.estimation.intervals import draw_parameters, with_intervals
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
@@ -20,15 +19,14 @@ from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import with_channel_weights
 from pneucli.identify.valve.charge_budget import with_budgets
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.result import ValveIdentification
+from pneucli.identify.valve.identification import ValveIdentification, identify_valve
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
 from pneucli.io.artifacts import Tables
 from pneucli.messages.compare import ModelAnswer
 from pneucli.messages.findings import tell
 from pneucli.messages.formatting import format_number
 from pneucli.messages.identify import Answer, Budget, Uncertainty
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.recording import Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.figure import FIGURE_COLUMNS, Figure, named
-from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Estimate, Fit, Iteration
+from pneucli.identify.estimation.intervals import parameter_correlation, sensitivities
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.residuals import ResidualModel
+from pneucli.identify.valve.identification import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.lack_of_fit import LackOfFit
-from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
 from pneucli.messages.identify import (

@@ -43,13 +43,12 @@ from pneucli.messages.ingest import Answer, Implausible, NoiseAnswer, Recording,
 from pneucli.messages.ingest import Repair as RepairAnswer
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise, jump_free_segments, pool_noise
 from pneucli.paths import file_on_disk
-from pneucli.pipeline.context import Context, Progress
+from pneucli.pipeline.graph import Context, Progress
 from pneucli.plausibility import findings, summarize_signal, without_empty_signals
 from pneucli.plausibility.rig_check import rank, repair_findings
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Rig
-from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults
-from pneucli.stages.flow_units import flow_unit, flow_unit_assumptions
+from pneucli.stages.absent_columns import Opened, absence_notes, absent_column_faults, flow_unit, flow_unit_assumptions
 from pneucli.units import factor_and_offset, parse_unit_as
 
 UNMEASURED_PRESSURE = (

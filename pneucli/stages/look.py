@@ -21,7 +21,7 @@ from pneucli.messages.envelope import envelope_indices, with_gap_indices
 from pneucli.messages.ingest import Answer as Ingested
 from pneucli.messages.init import Answer as Seen
 from pneucli.messages.look import Answer, Rest, Signal
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest, init

@@ -27,7 +27,7 @@ from pneucli.messages.formatting import format_plain
 from pneucli.messages.progress import counted
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plausibility.required_inputs import RequiredInput, required_inputs, tells_valve_map, without_pressure
 from pneucli.plausibility.rig_check import contradicted_parts, contradictions

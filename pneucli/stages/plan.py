@@ -34,7 +34,7 @@ from pneucli.messages.plan import (
 from pneucli.messages.progress import counted
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import digest
 from pneucli.plan.bench import LOOP_RANGE_UNKNOWN, Bench, described_benches, recorded_benches
 from pneucli.plan.first import MODEL_ERROR, extreme_models, sample_residual_models, typical_model, with_typical_spread
@@ -47,6 +47,8 @@ from pneucli.plan.manoeuvres import (
     cost_of,
     draw_programme,
     manual_manoeuvres,
+    planned_recording,
+    planned_recordings,
 )
 from pneucli.plan.power import (
     Expectation,
@@ -63,7 +65,6 @@ from pneucli.report.plan_page import plan_page
 from pneucli.simulate.model import without_effect
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.pipeline_file import priors_in_model
-from pneucli.stages.planned_recordings import planned_recording, planned_recordings
 
 DEFAULT_MINUTES, FIRST_MINUTES = 3.0, 5.0
 MIN_SECONDS = 15.0  # s of machine time: one recording and one that is held out

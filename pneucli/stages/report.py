@@ -21,7 +21,7 @@ from pneucli.messages.report import Answer, DefaultCheck, StatedCheck
 from pneucli.messages.simulate import Answer as Simulation
 from pneucli.messages.simulate import ReplayCheck
 from pneucli.pipeline.checks import evaluate
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.report.overview import overview
 from pneucli.report.page import build_sections, thesis_page, to_html
 from pneucli.report.page_elements import Section, section_tables

@@ -20,7 +20,7 @@ from pneucli.figure import to_answer
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate
 from pneucli.physics.declaration import Effect
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.quantities import SIGNALS
 from pneucli.simulate.model import Model

@@ -11,8 +11,7 @@
 array([0.25, 0.75])
 """
 
-from pneucli.tp.hosvd import Hosvd, Spectrum, hosvd
-from pneucli.tp.model import TPModel, check, transform
+from pneucli.tp.model import Hosvd, Spectrum, TPModel, check, hosvd, transform
 from pneucli.tp.sampling import sample
 from pneucli.tp.weights import Violation, WeightType
 

@@ -13,7 +13,7 @@ from pneucli.config import load
 from pneucli.config.effect_edit import replace_file, set_fixed
 from pneucli.errors import InputError, UnitError, did_you_mean, require_known
 from pneucli.io.artifacts import read_table
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import MANIFEST_FILE, read_answers
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import axis_motion

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pneucli.changes.baseline import Baseline
-from pneucli.changes.comparison import Comparison
-from pneucli.changes.repeatability import (
+from pneucli.changes.comparison import (
     MAX_DEGREES_OF_FREEDOM,
+    Comparison,
     Repeatability,
     RepeatDifferences,
     estimate_repeatability,

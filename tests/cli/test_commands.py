@@ -13,7 +13,7 @@ from pneucli import cli
 from pneucli.cli.commands.effects import plain_equation
 from pneucli.cli.program import build
 from pneucli.messages.look import curve
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages.look import rests
 from tests.cli.conftest import Command
 from tests.cli.toys import PIPELINE

@@ -21,7 +21,7 @@ from pneucli.controller import layout as at
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
-from pneucli.export.controller_file import ExportedController
+from pneucli.export.controller_program import ExportedController
 from pneucli.export.single_precision import replay_in_single_precision
 from pneucli.messages.compare import Commissioned
 from pneucli.physics.effects import catalogue

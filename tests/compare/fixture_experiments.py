@@ -8,7 +8,7 @@ import pytest
 from pneucli.config import load
 from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare

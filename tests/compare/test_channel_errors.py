@@ -12,7 +12,7 @@ from pneucli.compare.channel_errors import DEFAULT_SHARE, ChannelResult, assess_
 from pneucli.compare.expected_error import ErrorDistribution, ExpectedError, combined_distribution
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
-from pneucli.simulate import noise_propagation
+from pneucli.simulate import outputs
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid
@@ -319,7 +319,7 @@ def still(noise: dict[str, float], low_pass: float | None = None) -> Any:
 
 def test_draws_have_the_requested_shape_and_the_sensors_level() -> None:
     e = still({"p1": 1.0, "p2": 1.0, "x": 2e-6})
-    drawn = noise_propagation.sample_deviations(model(), e, draws=5)
+    drawn = outputs.sample_deviations(model(), e, draws=5)
     assert drawn["x"].shape == (5, e.time.size)
     # the state at the restart is read too, with the same sensor
     rms = expected_error.expected_rms(model(), e)["x"]

@@ -23,7 +23,7 @@ from pneucli.compare.goodness_of_fit import (
 from pneucli.compare.residual_correlation import Correlation, confidence_bound, residual_correlations
 from pneucli.messages.compare import LackOfFit
 from pneucli.simulate.model import Model
-from pneucli.simulate.noise_propagation import sample_deviations
+from pneucli.simulate.outputs import sample_deviations
 from pneucli.simulate.valve_forms.area import ValveArea
 from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
 from tests.compare.test_channel_errors import TIME, comparison

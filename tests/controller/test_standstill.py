@@ -10,7 +10,7 @@ from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout as at
-from pneucli.controller import observers, pressure_level
+from pneucli.controller import observers, reference
 from pneucli.controller import standstill as still
 from pneucli.design.air_spring import level_for_stiffness, stiffness_per_pressure
 from pneucli.design.cascade_design import design_cascade
@@ -95,7 +95,7 @@ def driven(c, reference=0.1, level_set=None, force=0.0):
 def test_the_level_asked_for_makes_the_pressures_as_stiff_as_wished(force: float) -> None:
     c, s = settings(TWO_VALVES=1.0, AIR_STIFFNESS=8e3), state()
     total, bias = 8e-4 + 6e-4, (8e-4 - 6e-4) * 1e5
-    wanted = pressure_level.requested_level((force + bias) / total, s, c)
+    wanted = reference.requested_level((force + bias) / total, s, c)
     both = (force + bias - 2e-4 * wanted) / total
     p1, p2 = wanted + both, wanted - both
     assert 8e-4 * p1 - 6e-4 * p2 - bias == pytest.approx(force)

@@ -13,7 +13,7 @@ from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import DesignData, collect_design_data, design_controllers, sliding_surfaces
-from pneucli.design.lpv import compare_weight_types
+from pneucli.design.pdc import compare_weight_types
 from pneucli.design.requirements import Requirements
 from pneucli.design.sliding import axis_systems
 from pneucli.physics.effects import catalogue

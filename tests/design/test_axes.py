@@ -18,10 +18,9 @@ from pneucli.controller import layout
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
-from pneucli.design import lpv, pdc
+from pneucli.design import pdc
 from pneucli.design.pdc import Pdc
-from pneucli.design.sliding import axis_systems
-from pneucli.design.sliding_sector import SlidingSector, limit_slope, sector_from_vertices, speed_floor
+from pneucli.design.sliding import SlidingSector, axis_systems, limit_slope, sector_from_vertices, speed_floor
 from pneucli.errors import InputError
 from pneucli.physics.declaration import Parameter
 from pneucli.physics.effects import catalogue
@@ -65,7 +64,7 @@ def test_the_whole_axis_is_the_derivative_of_motion_and_gas() -> None:
 
 def test_the_parameter_varying_axis_is_friction_over_speed_and_the_stiffness_of_both_chambers() -> None:
     v, x, floor = 0.03, 0.08, 0.04
-    found = lpv.axis_matrices(C, np.array(v), np.array(x), floor)
+    found = pdc.axis_matrices(C, np.array(v), np.array(x), floor)
     speed = 0.05
     friction = C["C_COULOMB"] + (C["C_STATIC"] - C["C_COULOMB"]) / (1 + (speed / C["C_STRIBECK"]) ** 2)
     half = C["C_DEAD_VOLUME_2"] + 0.5 * C["C_AREA_2"] * C["C_STROKE"]
@@ -81,14 +80,14 @@ def test_the_parameter_varying_axis_is_friction_over_speed_and_the_stiffness_of_
 
 def test_a_simulated_axis_decays_and_shows_the_largest_flow() -> None:
     """One vertex everywhere and a start so small that the axis is linear: against the matrix exponential."""
-    both = lpv.axis_matrices(C, np.array(0.0), np.array(C["C_STROKE"] / 2), 0.05)
+    both = pdc.axis_matrices(C, np.array(0.0), np.array(C["C_STROKE"] / 2), 0.05)
     gains = place_poles(both[:, :3], both[:, 3:], [-20.0 + 100j, -20.0 - 100j, -60.0]).gain_matrix
     weights = SimpleNamespace(
         grids=(np.array([-1.0, 1.0]), np.array([0.0, C["C_STROKE"]])), weights_at=lambda v, x: (np.ones(1), np.ones(1))
     )
     x0, scale = np.array([1e-9, 0.0, 0.0]), np.array([1.0, 1e-2, 1e-4])
     found = Pdc(gains[None], np.diag(scale**2), 15.0, "optimal", -1.0, -1.0, np.zeros((1, 2), complex))
-    peak, decayed = lpv.simulate_pdc(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
+    peak, decayed = pdc.simulate_pdc(C, 0.05, weights, found, x0)  # type: ignore[arg-type]
     step, states = expm((both[:, :3] - both[:, 3:] @ gains) * 2e-4), [x0]
     for _ in range(int(0.2 / 2e-4) - 1):
         states.append(step @ states[-1])

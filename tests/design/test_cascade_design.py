@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.design import cascade_design
-from pneucli.design.bandwidths import UNMODELLED_DELAY, Bandwidths, Timing
+from pneucli.design.bandwidths import LOAD_OBSERVER_RATIO, UNMODELLED_DELAY, Bandwidths, Timing, controller_gains
 from pneucli.design.cascade_design import inverse_table
-from pneucli.design.gains import LOAD_OBSERVER_RATIO, controller_gains
 from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.errors import InputError

@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 
 from pneucli.controller.layout import C_SECTOR_1, C_SECTOR_2
 from pneucli.controller.standstill import sector_switching_term
-from pneucli.design.lpv import axis_matrices, axis_model, compare_weight_types
-from pneucli.design.pdc import design_pdc
-from pneucli.design.sliding import axis_systems, regular_form, surface_by_lq, surface_by_poles, unmatched_disturbances
-from pneucli.design.sliding_sector import limit_slope, sector_from_vertices
+from pneucli.design.pdc import axis_matrices, axis_model, compare_weight_types, design_pdc
+from pneucli.design.sliding import (
+    axis_systems,
+    limit_slope,
+    regular_form,
+    sector_from_vertices,
+    surface_by_lq,
+    surface_by_poles,
+    unmatched_disturbances,
+)
 from pneucli.errors import InputError
 from tests.design import axis
 

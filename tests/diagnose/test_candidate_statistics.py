@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import f as fisher
 
 from pneucli.diagnose import data as data_module
-from pneucli.diagnose import detectability as visible
+from pneucli.diagnose import diagnosis as visible
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.diagnosis import _parameter_shifts

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from pneucli.diagnose.candidate import Decision
-from pneucli.diagnose.detectability import MinimumDetectableEffect, undetectable_effects
-from pneucli.diagnose.diagnosis import _first_decision_each
+from pneucli.diagnose.diagnosis import MinimumDetectableEffect, _first_decision_each, undetectable_effects
 from pneucli.physics.effects import catalogue
 from tests.diagnose.candidates import VIEW, candidate, diagnosis_data
 

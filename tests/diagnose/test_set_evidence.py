@@ -5,7 +5,7 @@ import math
 import pytest
 
 from benchmarks.evidence import named, presence
-from pneucli.diagnose.set_evidence import KAPPA, PRIOR_ODDS, VisitedSet, set_probabilities
+from pneucli.diagnose.evidence import KAPPA, PRIOR_ODDS, VisitedSet, set_probabilities
 
 READINGS = 10_000.0
 

@@ -10,8 +10,7 @@ import pytest
 from pneucli.exam.cases import generate_case
 from pneucli.exam.conditions import parse
 from pneucli.exam.rig.excitations import SteadyRows, simulate_steady_rows
-from pneucli.exam.rig.gas import GAS_CONSTANT
-from pneucli.exam.rig.hose import EXPONENT, SPEED_OF_SOUND
+from pneucli.exam.rig.gas import EXPONENT, GAS_CONSTANT, SPEED_OF_SOUND
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure
 from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig

@@ -23,8 +23,7 @@ from pneucli.exam.rig.excitations import (
     two_sine_reference,
     valve_step,
 )
-from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA
-from pneucli.exam.rig.hose import hose_volume
+from pneucli.exam.rig.gas import GAS_CONSTANT, KAPPA, hose_volume
 from pneucli.exam.rig.kernel import P1, PS, T1, valve_flow
 from pneucli.exam.rig.parameters import TWO_VALVES, Parameters
 from pneucli.exam.rig.sensors import Sensors, measure

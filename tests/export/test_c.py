@@ -30,7 +30,7 @@ from pneucli.design.cascade_design import design_cascade
 from pneucli.errors import InputError
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.export import export_files
-from pneucli.export.c_translator import c_function
+from pneucli.export.c_source import c_function
 from pneucli.export.controller_program import checked_prefix
 from pneucli.export.export_files import write_c_source
 from pneucli.messages.compare import Commissioned

@@ -19,8 +19,14 @@ from pneucli.config import keys_at, load_fleet
 from pneucli.errors import InputError
 from pneucli.fleet import run as stage
 from pneucli.fleet.row_files import FleetRow, folder_name, raw_file_names, read_rows, require_columns, row_pipeline
-from pneucli.io.remote_files import content_stamp, fetch, is_remote, store_errors_as_input_errors
-from pneucli.io.result_store import mirror_folder, store_at
+from pneucli.io.result_store import (
+    content_stamp,
+    fetch,
+    is_remote,
+    mirror_folder,
+    store_at,
+    store_errors_as_input_errors,
+)
 
 TEMPLATE = """\
 # the test bench

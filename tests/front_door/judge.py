@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 from pneucli.arrays import Array
 from pneucli.config import load
 from pneucli.errors import InputError
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 
 from .laboratory import NOISE, RATE, TRUTH

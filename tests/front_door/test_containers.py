@@ -17,7 +17,7 @@ from pneucli.io.formats import open_raw
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile
 from pneucli.io.signal_reader import open_signals
 from pneucli.paths import matching_files
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 
 from .judge import FILL_IN, judge

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pneucli.config import load
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 
 COUNT = 700

@@ -13,7 +13,7 @@ from pneucli.errors import InputError
 from pneucli.init.survey import survey_file
 from pneucli.io.raw_file import RawFile
 from pneucli.messages.init import Answer
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 
 T = np.arange(600) / 100

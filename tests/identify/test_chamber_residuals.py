@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.identify.estimation.objective import LeastSquaresProblem
 from pneucli.identify.estimation.parameters import base_parameters, effect_parameters
-from pneucli.identify.residuals import ChamberPressures, ResidualModel, initial_state
+from pneucli.identify.residuals import ChamberPressures, ResidualModel, base
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.preparation import prepare
@@ -61,5 +61,5 @@ def test_a_diverging_model_tells_nothing_of_initial_states_and_warns_of_nothing(
     reading = 3e5 + np.random.default_rng(1).normal(scale=400.0, size=TIME.size)
     e = prepare(make_experiment("valve", TIME, {"u": 1.0, "p_supply": 7e5, "p1": reading}).recording, RIG, 0.5)
     gone = {name: np.full(TIME.size, np.inf) for name in ("p1", "p2")}
-    monkeypatch.setattr(initial_state, "simulate", lambda *_: gone)
-    assert not np.isfinite(initial_state.initial_state_sensitivity(model(), e, {"p1": 1.0, "p2": 1.0})["p1"]).any()
+    monkeypatch.setattr(base, "simulate", lambda *_: gone)
+    assert not np.isfinite(base.initial_state_sensitivity(model(), e, {"p1": 1.0, "p2": 1.0})["p1"]).any()

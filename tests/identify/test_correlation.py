@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.correlation import parameter_correlation, sensitivities
 from pneucli.identify.estimation.fit import Fit, Iteration, fit, report_iterations_to
+from pneucli.identify.estimation.intervals import parameter_correlation, sensitivities
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.residuals import ChamberPressures, with_channel_weights
 from pneucli.noise import NoiseModel

@@ -11,7 +11,7 @@ from pneucli.identify.guesses import base_model
 from pneucli.identify.guesses.base_model import TINY, guess_base_model, guess_friction
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.identify.guesses.valve_areas import guess_gain, guess_map, guess_overlap
-from pneucli.identify.residuals import initial_state
+from pneucli.identify.residuals import base as initial_state
 from pneucli.identify.residuals.force_balance import breakaway_velocities, uncertain_direction
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.correlation import draw_parameters
 from pneucli.identify.estimation.fit import Fit
+from pneucli.identify.estimation.intervals import draw_parameters
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.simulate.model import Model
 from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE

@@ -14,7 +14,7 @@ from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.velocity_integration import integrate_between_rests, rest_mask
+from pneucli.simulate.motion_smoother import integrate_between_rests, rest_mask
 from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 
 STICKY = BENCH._replace(static=18.0, stribeck_velocity=0.015, acceleration_bias=0.3)

@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 
 from pneucli.arrays import Array
-from pneucli.identify.friction.friction_model import FrictionModel, VelocityDomain
 from pneucli.identify.friction.identification import missing_model_warnings
-from pneucli.identify.friction.models_a_to_f import identify_models, tp_from_model, tp_from_samples
+from pneucli.identify.friction.models_a_to_f import (
+    FrictionModel,
+    VelocityDomain,
+    identify_models,
+    tp_from_model,
+    tp_from_samples,
+)
 from pneucli.identify.friction.regression import fit_coulomb
 from pneucli.identify.friction.samples import MovingSamples
 from pneucli.physics.vectorised import stribeck_friction

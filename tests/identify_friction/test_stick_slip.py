@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pneucli.identify.friction.kinematics import estimate_motion
-from pneucli.identify.friction.stick_slip import MIN_REST_RATIO, average_stick_slips, find_stick_slips
+from pneucli.identify.friction.samples import MIN_REST_RATIO, average_stick_slips, find_stick_slips
 from pneucli.simulate.model import Model
 from tests.identify_friction.synthetic_recordings import BENCH, RIG, pressed, pulses, recorded
 

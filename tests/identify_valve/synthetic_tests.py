@@ -10,8 +10,7 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
-from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.result import ValveIdentification
+from pneucli.identify.valve.identification import ValveIdentification, identify_valve
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Recording, Rig

@@ -14,8 +14,7 @@ from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.identify.valve.charge_budget import with_budgets
-from pneucli.identify.valve.identification import identify_valve
-from pneucli.identify.valve.result import ValveIdentification
+from pneucli.identify.valve.identification import ValveIdentification, identify_valve
 from pneucli.identify.valve.uncertainty import Measurement
 from pneucli.io.artifacts import Provenance, Tables, read_table
 from pneucli.noise import NoiseModel

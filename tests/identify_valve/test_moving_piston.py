@@ -8,8 +8,7 @@ import pytest
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.fit import Fit
-from pneucli.identify.valve.identification import identify_valve, mid_stroke_volume
-from pneucli.identify.valve.result import ValveIdentification
+from pneucli.identify.valve.identification import ValveIdentification, identify_valve, mid_stroke_volume
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from tests.identify.test_arrangements import FIRST, FRICTION, SECOND, axis, fit

@@ -11,11 +11,12 @@ from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.identify.valve import lack_of_fit
 from pneucli.identify.valve.lack_of_fit import LackOfFit, MeasuredGradient
-from pneucli.identify.valve.maps import Coverage, coverage_of
 from pneucli.identify.valve.model_gradient import (
     REPEATABILITY,
+    Coverage,
     ModelGradient,
     QuasiStaticGradient,
+    coverage_of,
     memory_gradient,
     model_gradient_of,
 )

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.identify.estimation.model_fit import require_finite
-from pneucli.identify.valve.result import ValveIdentification
+from pneucli.identify.valve.identification import ValveIdentification
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model

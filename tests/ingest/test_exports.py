@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.config import load
 from pneucli.io.recordings import load_recordings
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.recording import Recording
 from pneucli.stages import ingest, init
 

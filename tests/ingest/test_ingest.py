@@ -15,7 +15,7 @@ from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.io.recordings import load_recordings
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.recording import Recording
 from pneucli.stages import ingest
 

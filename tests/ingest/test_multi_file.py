@@ -10,7 +10,7 @@ from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.multi_file import estimate_clock_offset
 from pneucli.io.recordings import load_recordings
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest
 
 HEAD = """

@@ -14,7 +14,7 @@ from pneucli.init.columns import guess_columns
 from pneucli.init.survey import Column, Survey, survey_file
 from pneucli.io.raw_file import RawFile
 from pneucli.messages.init import Answer
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, init
 from pneucli.units import parse_quantity
 

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.io import damaged_files
+from pneucli.io import packed
 from pneucli.io.formats import matlab
 from pneucli.io.raw_file import Channel, RawFile
 from pneucli.io.signal_reader import open_signals
@@ -341,7 +341,7 @@ def mat_bomb(path: Path) -> None:
 def test_what_a_file_expands_to_is_bounded_and_said(
     tmp_path: Path, write: Callable[[Path], None], most: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (damaged_files, matlab):
+    for module in (packed, matlab):
         monkeypatch.setattr(module, "MIN_EXPANSION_LIMIT", 32 << 20)
     write(tmp_path / "a")
     assert (tmp_path / "a").stat().st_size < 300_000

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pneucli.pipeline import workload
-from pneucli.pipeline.context import Context, Progress, Workload
+from pneucli.pipeline.graph import Context, Progress, Workload
 from pneucli.pipeline.manifest import Stamp
 from tests.pipeline import toys
 

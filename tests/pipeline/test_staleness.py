@@ -10,8 +10,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from pneucli.errors import InputError
 from pneucli.pipeline import manifest as staleness
-from pneucli.pipeline.context import NotApplicable
-from pneucli.pipeline.graph import STAGES, upstream
+from pneucli.pipeline.graph import STAGES, NotApplicable, upstream
 from pneucli.pipeline.manifest import Stamp, stamp
 from pneucli.pipeline.runner import open_pipeline
 from tests.pipeline.toys import STAGES as TOY_STAGES

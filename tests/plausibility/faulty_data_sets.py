@@ -12,7 +12,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.config import load
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest
 
 Columns = dict[str, Array]

@@ -11,7 +11,7 @@ from pneucli import messages
 from pneucli.config import load
 from pneucli.figure import read
 from pneucli.messages.ingest import Answer, SignalSummary, implausibility_sentences
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest
 from tests.plausibility.faulty_data_sets import BASES, EXPLAINED, P1, PS, SETS, Rig, T, U, looked_at, told
 

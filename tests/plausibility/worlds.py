@@ -20,7 +20,7 @@ from pneucli.io.raw_file import Channel
 from pneucli.io.recordings import load_recordings
 from pneucli.io.signal_repairs import COMMANDS, SignalRepairs
 from pneucli.noise import NoiseModel, detect_jumps, estimate_noise
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.plausibility import findings
 from pneucli.recording import Recording, Rig
 from pneucli.stages import ingest

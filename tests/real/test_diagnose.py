@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pneucli.config import load
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import diagnose, ingest
 from tests.real.conftest import DATA, ROOT, pipeline_with_effects
 

@@ -19,7 +19,7 @@ from pneucli.compare.expected_error import expected_rms
 from pneucli.config import load
 from pneucli.io.recordings import load_recordings
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare

@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.noise import NoiseModel
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.noise_propagation import sample_deviations
+from pneucli.simulate.outputs import sample_deviations
 from tests.simulate.synthetic_experiments import make_experiment, model, time_grid, typical_values
 
 NOISE = {"p1": NoiseModel(300.0, 0.0), "p2": NoiseModel(300.0, 0.0)}

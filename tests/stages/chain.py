@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from pneucli.config import load
-from pneucli.pipeline.context import Context
-from pneucli.pipeline.graph import STAGES
+from pneucli.pipeline.graph import STAGES, Context
 from pneucli.stages import compare, identify, ingest
 
 FIRST = (("ingest", ingest), ("identify", identify), ("compare", compare))

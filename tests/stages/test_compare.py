@@ -15,7 +15,7 @@ from pneucli.figure import read
 from pneucli.io.artifacts import read_table
 from pneucli.messages.compare import Answer
 from pneucli.noise import NoiseModel
-from pneucli.pipeline.context import Context, Progress
+from pneucli.pipeline.graph import Context, Progress
 from pneucli.quantities import CHANNELS, RESIDUAL_VARIABLES
 from pneucli.recording import Recording
 from pneucli.stages.diff import Difference, ErrorChange, RunAnswers, difference

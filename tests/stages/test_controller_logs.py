@@ -11,7 +11,7 @@ from pneucli.compare import Comparison
 from pneucli.controller import layout as at
 from pneucli.errors import InputError
 from pneucli.export import export_files
-from pneucli.export.controller_file import ExportedController, load_controller
+from pneucli.export.controller_program import ExportedController, load_controller
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate.preparation import prepare

@@ -16,7 +16,7 @@ from pneucli.errors import InputError
 from pneucli.figure import to_json
 from pneucli.io.artifacts import read_metadata, read_table
 from pneucli.messages.simulate import Answer
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.stages import control_laws, design, export, simulate
 from pneucli.stages.control_laws import load_controller, selected_controller
 from pneucli.stages.model_file import load_model

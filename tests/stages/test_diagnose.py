@@ -28,7 +28,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.messages.diagnose import MIN_TOLD_PROBABILITY, Answer, verdict_sentence
 from pneucli.messages.formatting import format_noise_ratio
 from pneucli.physics.effects import catalogue_with_sides
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.plausibility.rig_check import contradictions
 from pneucli.simulate.model import Model
 from pneucli.stages import diagnose, identify, ingest, pipeline_data

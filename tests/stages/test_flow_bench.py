@@ -9,7 +9,7 @@ from pneucli import messages
 from pneucli.config import load
 from pneucli.errors import InputError
 from pneucli.io.artifacts import read_table
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.stages import check, diagnose, report, simulate
 from pneucli.stages.init import create
 from tests.identify_valve.steady_bench import PIPELINE, bench_rows, write_csv

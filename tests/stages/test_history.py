@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pneucli.pipeline import manifest
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import Inputs, Manifest
 from pneucli.stages import history
 

@@ -10,8 +10,7 @@ from pneucli.config import load
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.errors import InputError
 from pneucli.physics.effects import catalogue
-from pneucli.pipeline.context import Context
-from pneucli.pipeline.graph import STAGES
+from pneucli.pipeline.graph import STAGES, Context
 from pneucli.pipeline.manifest import Stamp
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.pipeline.workload import workload

@@ -20,7 +20,7 @@ from pneucli.io.artifacts import read_table
 from pneucli.messages.diagnose import Answer as Diagnosis
 from pneucli.messages.plan import Answer as Plan
 from pneucli.messages.plan import Decided
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import ingest, plan
 from pneucli.stages.pipeline_file import load_rig_description
 from pneucli.stages.plan_take import add_recordings, last_answers, taken_answer

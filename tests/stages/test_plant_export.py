@@ -13,7 +13,7 @@ from pneucli.errors import InputError
 from pneucli.exam.from_pipeline import exam_rig
 from pneucli.exam.rig.kernel import valve_area
 from pneucli.io.artifacts import read_table
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.recording import Rig
 from pneucli.stages import export
 from pneucli.stages.model_file import load_model

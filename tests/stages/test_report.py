@@ -14,7 +14,7 @@ import pytest
 import pneucli
 from pneucli import config, messages
 from pneucli.io.artifacts import Provenance, read_table, write_table
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.report.page import to_html
 from pneucli.stages import report
 from pneucli.stages.report import closed_loop_checks

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from pneucli.errors import InputError
 from pneucli.tp import check, hosvd, sample, transform
-from pneucli.tp.hosvd import contract
-from pneucli.tp.scattered import fit_samples
+from pneucli.tp.model import contract
+from pneucli.tp.sampling import fit_samples
 
 from .cases import CASES, damping
 

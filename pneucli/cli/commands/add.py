@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun
 from pneucli.errors import InputError
 from pneucli.figure import Figure, read
 from pneucli.messages import labelled, table

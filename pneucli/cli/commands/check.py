@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun
 
 More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.", show_default=False)]
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import File, law_names
+from pneucli.cli.command import Command, File, HowToRun, law_names, run_stage
 
 
 def _design(

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import Executor, File, executor_option, open_pipeline_file
+from pneucli.cli.command import Command, Executor, File, HowToRun, executor_option, open_pipeline_file, run_stage
 
 
 def _diagnose(

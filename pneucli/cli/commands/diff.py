@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, How
-from pneucli.cli.options import open_pipeline_file
+from pneucli.cli.command import Command, How, open_pipeline_file
 
 HELP = "Two runs side by side: effects, errors, parameters beyond their intervals, verdicts."
 _SIDE = "A pipeline file, which is compared first, or a folder of artifacts, which is read as it is."

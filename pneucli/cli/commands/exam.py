@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, How
-from pneucli.cli.options import Executor
+from pneucli.cli.command import Command, Executor, How
 from pneucli.figure import to_json
 
 if TYPE_CHECKING:

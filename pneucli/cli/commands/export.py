@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import File, law_names
+from pneucli.cli.command import Command, File, HowToRun, law_names, run_stage
 
 
 class Target(StrEnum):

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, How
-from pneucli.cli.options import Executor
+from pneucli.cli.command import Command, Executor, How
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
 Out = Annotated[
@@ -31,7 +30,7 @@ def _fleet(
     from pneucli.config import load_fleet
     from pneucli.fleet import run as stage
     from pneucli.fleet.output import evaluate_checks
-    from pneucli.io.remote_files import is_remote
+    from pneucli.io.result_store import is_remote
 
     config = load_fleet(fleet)
     here = Path(out or config.path.parent / "artifacts" / config.fleet.name).absolute()

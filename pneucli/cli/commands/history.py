@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun
 
 HELP = "How the error fell: every model that was compared, oldest first; nothing is run."
 

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, How
-from pneucli.cli.options import Page
+from pneucli.cli.command import Command, How, Page
 
 Files = Annotated[
     list[Path], typer.Argument(metavar="FILE...", help="Raw files, folders or globs.", show_default=False)

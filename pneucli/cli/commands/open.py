@@ -6,8 +6,7 @@ import webbrowser
 
 from pneucli import messages
 from pneucli.cli import console
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun
 
 HELP = "Bring the report up to date and open it in the browser."
 

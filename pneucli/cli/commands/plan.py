@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun, run_stage
 from pneucli.errors import InputError, require_known
 
 HELP = "The next experiment: varied manoeuvres within the limits of the rig, as files to run, and what they would show."

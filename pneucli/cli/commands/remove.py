@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun
+from pneucli.cli.command import Command, File, HowToRun
 from pneucli.cli.commands.add import change_effects
-from pneucli.cli.options import File
 from pneucli.errors import require_known
 
 HELP = "Remove effects from [model], identify anew, show the error before and after."

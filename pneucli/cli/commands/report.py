@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun, run_stage
 
 
 def _report(

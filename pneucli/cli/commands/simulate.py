@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pneucli.cli.command import Command, HowToRun, run_stage
-from pneucli.cli.options import Executor, File, executor_option
+from pneucli.cli.command import Command, Executor, File, HowToRun, executor_option, run_stage
 
 
 def _simulate(

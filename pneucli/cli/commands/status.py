@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File
+from pneucli.cli.command import Command, File, HowToRun
 from pneucli.pipeline.graph import STAGES
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pneucli.cli import console
-from pneucli.cli.command import Command, HowToRun
-from pneucli.cli.options import File, open_pipeline_file
+from pneucli.cli.command import Command, File, HowToRun, open_pipeline_file
 
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Pipeline

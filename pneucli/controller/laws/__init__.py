@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from pneucli import extensions
+from pneucli import imports
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.errors import InputError, did_you_mean
 
-_FOUND: list[ControlLaw] = [*extensions.declared(__name__, ControlLaw), *extensions.added(extensions.LAWS)]
+_FOUND: list[ControlLaw] = [*imports.declared(__name__, ControlLaw), *imports.added(imports.LAWS)]
 # the first is the default; the kernel selects a law by its index
 LAWS = {law.name: law for law in sorted(_FOUND, key=lambda law: law.place)}
 DEFAULT = next(iter(LAWS))

@@ -18,12 +18,12 @@ from pneucli.exam.rig.gas import (
     KAPPA,
     LEAK_RATIO,
     chamber_rates,
+    hose_volume,
     leaks_1,
     leaks_2,
     orifice_flow,
     wall_conductance,
 )
-from pneucli.exam.rig.hose import hose_volume
 from pneucli.exam.rig.parameters import Parameters
 
 Flows = tuple[float, float, float, float]  # kg/s: into and out of chamber 1, into and out of chamber 2

@@ -12,8 +12,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Indices
 from pneucli.caches import compiled, part
-from pneucli.exam.rig.gas import pump_flow, regulated_opening
-from pneucli.exam.rig.hose import SEGMENTS, flow_through_hose
+from pneucli.exam.rig.gas import SEGMENTS, flow_through_hose, pump_flow, regulated_opening
 from pneucli.exam.rig.kernel import (
     MAX_STEP,
     P1,

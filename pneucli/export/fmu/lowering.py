@@ -1,4 +1,4 @@
-"""Rewrite the functions of the kernel into the restricted Python that :mod:`pneucli.export.c_translator` writes as C.
+"""Rewrite the functions of the kernel into the restricted Python that :mod:`pneucli.export.c_source` writes as C.
 
 C has no tuples: a function that returns one takes an array ``result`` instead, and its caller reads that array.
 Assignments to several targets become single ones, ``x in (a, b)`` comparisons, ``a ** b`` a call of ``pow``. Integers

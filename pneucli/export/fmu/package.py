@@ -20,7 +20,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.export.c_translator import DOUBLE, CWriter, c_definition, c_signature
+from pneucli.export.c_source import DOUBLE, CWriter, c_definition, c_signature
 from pneucli.export.controller_program import fill_template
 from pneucli.export.fmu.lowering import RESULT, Shapes, lower, tuple_lengths
 from pneucli.export.fmu.plant import Plant, Variable, c_tables, variables_of

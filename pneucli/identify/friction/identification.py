@@ -11,13 +11,27 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.figure import Figure
-from pneucli.identify.friction.friction_model import DEFAULT_NODES, TITLES, FrictionModel, ModelName, VelocityDomain
 from pneucli.identify.friction.kinematics import Motion, estimate_motion, with_contact
 from pneucli.identify.friction.model_error import Deviation, StickSlipReplay, model_deviations, replay_stick_slip
-from pneucli.identify.friction.models_a_to_f import identify_models
+from pneucli.identify.friction.models_a_to_f import (
+    DEFAULT_NODES,
+    TITLES,
+    FrictionModel,
+    ModelName,
+    VelocityDomain,
+    identify_models,
+)
 from pneucli.identify.friction.regression import FrictionFit, fit_coulomb, fit_stribeck
-from pneucli.identify.friction.samples import FrictionCurve, MovingSamples, binned_curve, pool_samples
-from pneucli.identify.friction.stick_slip import AveragedFriction, StickSlip, average_stick_slips, find_stick_slips
+from pneucli.identify.friction.samples import (
+    AveragedFriction,
+    FrictionCurve,
+    MovingSamples,
+    StickSlip,
+    average_stick_slips,
+    binned_curve,
+    find_stick_slips,
+    pool_samples,
+)
 from pneucli.messages.findings import Finding
 from pneucli.messages.identify import BreakAway, OverPressure, Repeats
 from pneucli.physics.declaration import Effect

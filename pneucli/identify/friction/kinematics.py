@@ -21,19 +21,18 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel
 from pneucli.simulate.end_detection import POSITION_SCATTER_SIGMA, Drive, contact_side, detect_ends, end_compliance
-from pneucli.simulate.force_clock import shifted
 from pneucli.simulate.local_polynomials import choose_windows
 from pneucli.simulate.model import Model
-from pneucli.simulate.motion_smoother import least_squares_motion
-from pneucli.simulate.position_smoother import fit_position_smoother
-from pneucli.simulate.preparation import fill_gaps
-from pneucli.simulate.run import kernel_for
-from pneucli.simulate.velocity_integration import (
+from pneucli.simulate.motion_smoother import (
     JUMP_ERROR_RATIO,
     integrate_between_rests,
+    least_squares_motion,
     rest_mask,
     without_constant_position,
 )
+from pneucli.simulate.position_smoother import fit_position_smoother
+from pneucli.simulate.preparation import fill_gaps
+from pneucli.simulate.run import kernel_for, shifted
 
 REMOVED_BALANCES = {
     "mechanics",

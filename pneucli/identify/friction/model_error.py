@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.identify.friction.friction_model import FrictionModel, ModelName
 from pneucli.identify.friction.kinematics import Motion
-from pneucli.identify.friction.stick_slip import StickSlip
+from pneucli.identify.friction.models_a_to_f import FrictionModel, ModelName
+from pneucli.identify.friction.samples import StickSlip
 
 Channel = Literal["a", "v", "force"]
 

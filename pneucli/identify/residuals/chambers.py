@@ -22,9 +22,12 @@ from pneucli.identify.guesses.chamber_balance import (
     sensor_error_deviation,
 )
 from pneucli.identify.guesses.flow_paths import opening_from_null
-from pneucli.identify.residuals.base import DiscrepancyTerm, Places, ResidualModel, bounded_difference
-from pneucli.identify.residuals.initial_state import (
+from pneucli.identify.residuals.base import (
+    DiscrepancyTerm,
+    Places,
+    ResidualModel,
     apply_whitening,
+    bounded_difference,
     initial_state_errors,
     initial_state_sensitivity,
     log_determinant,
@@ -73,7 +76,7 @@ class ChamberPressures(ResidualModel):
         return self.apply_whitening(residual, self.initial_state_sensitivity(model) if errors is None else errors)
 
     def initial_state_sensitivity(self, model: Model) -> dict[str, Array]:
-        """Return the effect of initial-state errors (:mod:`pneucli.identify.residuals.initial_state`)."""
+        """Return the effect of initial-state errors (:mod:`pneucli.identify.residuals.base`)."""
         return (
             initial_state_sensitivity(model, self.experiment, self._initial_state_errors)
             if self.whiten_initial_state

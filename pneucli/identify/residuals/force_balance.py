@@ -20,11 +20,10 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import cache_draws
-from pneucli.simulate.force_clock import with_force_in_time
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
 from pneucli.simulate.position_smoother import PositionSmoother
-from pneucli.simulate.run import base_vector, kernel_for
+from pneucli.simulate.run import base_vector, kernel_for, with_force_in_time
 
 MIN_REST_RATIO = 4.0  # times the smear time: the duration of rest, and of motion, around a break-away
 ONSET_SPEED_RATIO = 0.5  # of the standstill speed, so two standard deviations of its noise: there a rest ends

@@ -11,8 +11,8 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate
+from pneucli.identify.valve.identification import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.iso6358 import IsoConductance, thermal_state_is_known
-from pneucli.identify.valve.result import ValveIdentification, known_vessel_volume
 from pneucli.identify.valve.uncertainty import (
     DEFAULT_RELATIVE_VOLUME,
     Measurement,

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from pneucli.arrays import Array
 from pneucli.distributions import f_tail
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.identify.valve.flow_path import FlowPath
+from pneucli.identify.valve.steady_rows import FlowPath
 from pneucli.messages.findings import Finding
 
 MIN_LOOP_COMMANDS = 5  # commands that were reached from below and from above

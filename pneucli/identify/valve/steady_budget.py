@@ -12,9 +12,8 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.figure import Figure
 from pneucli.identify.valve.flow_bench import FlowBench
-from pneucli.identify.valve.flow_path import FlowPath, coordinates_of
 from pneucli.identify.valve.steady_flow import refit
-from pneucli.identify.valve.steady_rows import FlowRows
+from pneucli.identify.valve.steady_rows import FlowPath, FlowRows, coordinates_of
 from pneucli.identify.valve.uncertainty import (
     COVERAGE_FACTOR,
     Measurement,

@@ -14,9 +14,16 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.distributions import f_tail, student_t_quantile
 from pneucli.figure import Figure
-from pneucli.identify.valve.flow_path import FlowPath, characteristics_at, coordinates_of
 from pneucli.identify.valve.iso6358 import TYPICAL_B_M, TYPICAL_B_M_SPREAD
-from pneucli.identify.valve.steady_rows import FlowRows, NoiseLaw, fit_noise_law, flow_deviation
+from pneucli.identify.valve.steady_rows import (
+    FlowPath,
+    FlowRows,
+    NoiseLaw,
+    characteristics_at,
+    coordinates_of,
+    fit_noise_law,
+    flow_deviation,
+)
 from pneucli.physics.iso_flow import FlowCharacteristics, iso_mass_flow
 from pneucli.quantities import Z95
 

@@ -10,13 +10,12 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from pneucli import extensions
+from pneucli import imports
 from pneucli.errors import InputError
-from pneucli.io.damaged_files import library_errors_as_input_errors
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.formats import archives
 from pneucli.io.formats.base import Format
-from pneucli.io.packed import PackedReader, named_as, unpacked_once
+from pneucli.io.packed import PackedReader, library_errors_as_input_errors, named_as, unpacked_once
 from pneucli.io.raw_file import RawFile, Reader, Repair
 from pneucli.paths import archive_and_member
 
@@ -26,7 +25,7 @@ HEAD_BYTES = 4096  # by which formats are recognised
 @cache
 def formats() -> tuple[Format, ...]:
     """Return all formats, those of other packages first; raises InputError where one of these cannot be loaded."""
-    found = [*extensions.added(extensions.FORMATS), *extensions.declared(__name__, Format)]
+    found = [*imports.added(imports.FORMATS), *imports.declared(__name__, Format)]
     return tuple(sorted(found, key=lambda one: one.place))
 
 

@@ -16,9 +16,9 @@ from pyarrow import feather
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time
 from pneucli.io.column_reader import ColumnReader, as_text, is_label_column, packing
-from pneucli.io.damaged_files import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.json_text import columns_of_rows, reader_of
+from pneucli.io.packed import check_expanded_size, library_errors_as_input_errors
 from pneucli.io.raw_file import ColumnRequest, ColumnValues
 
 BATCH_ROWS = 1 << 17

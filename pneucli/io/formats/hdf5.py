@@ -23,9 +23,9 @@ from pneucli.io.column_reader import (
     split_columns,
     tells_rate,
 )
-from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.matlab import LABELS, NUMBERS, only_objects
+from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
 
 _NO_NUMBERS = ("char", "cell", "string", "function_handle", "struct")

@@ -12,8 +12,8 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, is_label_column, stated_period
-from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
+from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
 
 _SAMPLES, _STAMPS = ("values", "data", "samples", "y"), ("x", "time", "t", "timestamps")  # keys of a channel

@@ -21,8 +21,8 @@ import numpy as np
 
 from pneucli.errors import InputError
 from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns
-from pneucli.io.damaged_files import MIN_EXPANSION_LIMIT, check_expanded_size
 from pneucli.io.formats.base import Format
+from pneucli.io.packed import MIN_EXPANSION_LIMIT, check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
 
 Order = Literal["little", "big"]

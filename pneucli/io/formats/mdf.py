@@ -18,9 +18,9 @@ from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
 from pneucli.io.clock import known_start
 from pneucli.io.column_reader import ColumnReader
-from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.expression import Expression
 from pneucli.io.formats.base import Format
+from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
 
 _NO_SYNC, _TIME = 0, 1  # of a channel's synchronisation type (ASAM MDF 4, block CN)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pneucli.io.column_reader import ColumnReader
-from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import ZIP_MAGIC, Format
+from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
 from pneucli.paths import member_names
 

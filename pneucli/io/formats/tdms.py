@@ -18,8 +18,8 @@ from pneucli.errors import InputError, UnitError
 from pneucli.imports import library_of_extra
 from pneucli.io.clock import known_start
 from pneucli.io.column_reader import ColumnReader, clocks_by_group
-from pneucli.io.damaged_files import check_expanded_size
 from pneucli.io.formats.base import Format
+from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
 from pneucli.units import parse_unit, same_dimension
 

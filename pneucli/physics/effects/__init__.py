@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import get_args
 
-from pneucli import extensions
+from pneucli import imports
 from pneucli.errors import InputError, did_you_mean
 from pneucli.experiments import Part
 from pneucli.physics.declaration import Effect
@@ -41,9 +41,9 @@ def catalogue() -> dict[str, Effect]:
     """
     modules = (importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__))
     found = {m.EFFECT.name: m.EFFECT for m in modules}
-    for name, point in extensions.entry_points(extensions.EFFECTS).items():
-        effect = extensions.load(point)
-        _check_effect(effect, f"entry point {name} of {extensions.EFFECTS}", found)
+    for name, point in imports.entry_points(imports.EFFECTS).items():
+        effect = imports.load(point)
+        _check_effect(effect, f"entry point {name} of {imports.EFFECTS}", found)
         found[effect.name] = effect
     return found
 

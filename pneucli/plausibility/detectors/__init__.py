@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from pneucli import extensions
+from pneucli import imports
 from pneucli.plausibility.rig_check import Finding, RigCheck
 
 
@@ -34,5 +34,5 @@ class Detector:
 @cache
 def detectors() -> tuple[Detector, ...]:
     """Return all detectors by their places; raises InputError where one of another package cannot be loaded."""
-    found = [*extensions.declared(__name__, Detector), *extensions.added(extensions.DETECTORS)]
+    found = [*imports.declared(__name__, Detector), *imports.added(imports.DETECTORS)]
     return tuple(sorted(found, key=lambda one: one.place))

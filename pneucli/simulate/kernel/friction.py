@@ -12,7 +12,7 @@ from pneucli.simulate.kernel.ports import (
     static_factor,
     viscous_factor,
 )
-from pneucli.simulate.layout import AMBIENT, COULOMB, VISCOUS
+from pneucli.simulate.layout import *
 
 
 def friction_levels(direction, speed, x, p1, p2, base, th, on):

@@ -4,7 +4,7 @@ import math
 
 from pneucli.physics.gas import VISCOSITY
 from pneucli.simulate.kernel.ports import flow_delay, flow_delay_1, flow_delay_2, hose_bore, hose_bore_1, hose_bore_2
-from pneucli.simulate.layout import CLOSED, GAMMA, GAS, OPEN, TEMP
+from pneucli.simulate.layout import *
 
 HOSE_STEPS = 4.0  # of the integration in the delay of a hose with a bore: 18 in a period of its oscillation
 SHORTEST_DELAY = 6e-4  # s of a hose with a bore, 0.2 m: a shorter one is integrated as one of this length

@@ -4,7 +4,7 @@ import math
 
 from pneucli.simulate.kernel.arrays import new_copy
 from pneucli.simulate.kernel.ports import read_p1, read_p2, scalars, sensor_delay, sensor_lag, unread_p1, unread_p2
-from pneucli.simulate.layout import AMBIENT, IN_P1, IN_P2, P1, P2, R1, R2
+from pneucli.simulate.layout import *
 
 
 def undo_lag(time, inputs, column, lag, true, chamber):

@@ -6,7 +6,7 @@ The loop over a recording (:mod:`pneucli.simulate.kernel.run`) and the exported 
 
 import math
 
-from pneucli.simulate.kernel.chamber import chamber_step
+from pneucli.simulate.kernel.chamber import chamber_step, valve_flow
 from pneucli.simulate.kernel.friction import acceleration, friction_levels, slide, slide_on_bristles
 from pneucli.simulate.kernel.ports import (
     command,
@@ -21,23 +21,7 @@ from pneucli.simulate.kernel.ports import (
     supply,
     switched,
 )
-from pneucli.simulate.kernel.valve import valve_flow
-from pneucli.simulate.layout import (
-    AMBIENT,
-    AREA_1,
-    AREA_2,
-    CLOSED,
-    CRITICAL,
-    GAMMA,
-    GAS,
-    LOWER_END,
-    MIRRORED,
-    OPEN,
-    STROKE,
-    SUPPLY,
-    TEMP,
-    UPPER_END,
-)
+from pneucli.simulate.layout import *
 
 
 def steps_between(t, t_next, h_max):

@@ -4,7 +4,7 @@ A table holds N, shape (2, 2, n): toward +x and -x, speeding up and slowing, at 
 """
 
 from pneucli.simulate.kernel.ports import force, scalars
-from pneucli.simulate.layout import STROKE
+from pneucli.simulate.layout import *
 
 
 def table_friction_force(tables, side, branch, step, speed):

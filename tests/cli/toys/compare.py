@@ -1,4 +1,4 @@
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from pneucli.stages import history
 
 

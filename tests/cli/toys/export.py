@@ -1,4 +1,4 @@
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 
 
 def run(context: Context) -> dict[str, object]:

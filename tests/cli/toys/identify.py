@@ -1,5 +1,5 @@
 from pneucli.errors import InputError
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 
 
 def run(context: Context) -> dict[str, object]:

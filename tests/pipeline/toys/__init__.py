@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pneucli.pipeline.context import Context
-from pneucli.pipeline.graph import Stage
+from pneucli.pipeline.graph import Context, Stage
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 
 PACE = 1.0  # how much of the pretended working time is really spent

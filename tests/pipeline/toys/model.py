@@ -1,6 +1,6 @@
 """Its generation is that of raw."""
 
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from tests.pipeline.toys import work
 
 

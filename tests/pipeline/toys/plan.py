@@ -1,6 +1,6 @@
 """Applies only where the pipeline file has a table [plan]."""
 
-from pneucli.pipeline.context import Context, NotApplicable
+from pneucli.pipeline.graph import Context, NotApplicable
 from tests.pipeline.toys import work
 
 

@@ -1,6 +1,6 @@
 """Its generation is what the raw files say."""
 
-from pneucli.pipeline.context import Context
+from pneucli.pipeline.graph import Context
 from tests.pipeline.toys import work
 
 
