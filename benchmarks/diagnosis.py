@@ -78,7 +78,7 @@ from pneucli.diagnose.free_run_error import FreeRunErrors
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_case
 from pneucli.exam.conditions import parse
-from pneucli.exam.grading import BIN_EDGES, graded_cases
+from pneucli.exam.grades import BIN_EDGES, graded_cases
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import MotionMachine, closed_loop
 from pneucli.exam.rig.parameters import FIVE_THREE, Parameters

@@ -44,7 +44,7 @@ from pneucli.exam.hidden_effects import BY_NAME, RIGS_WITH_PISTON
 from pneucli.exam.laboratory import RecordingPlan
 from pneucli.exam.rig.parameters import Parameters
 from pneucli.exam.rig.simulation import Excitation
-from pneucli.executors.engine import Engine, ProcessEngine, ThreadEngine, run_jobs
+from pneucli.executors import Engine, ProcessEngine, ThreadEngine, run_jobs
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.run import Fleet
 

@@ -453,7 +453,7 @@ def model_of(rig: Any, fit: Fit) -> Any:
     from dataclasses import replace
 
     from pneucli.simulate.model import Model
-    from pneucli.simulate.valve_forms.area import ValveArea
+    from pneucli.simulate.valve_forms import ValveArea
 
     commands, areas, overlap = fit.get("map", ([10.0], [1e-6], 0.0))
     opened = [(u, a) for u, a in zip(commands, areas, strict=True) if u > overlap]

@@ -49,7 +49,7 @@ from pneucli.physics.effects import catalogue
 from pneucli.pipeline.graph import Context
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages import ingest
 from pneucli.stages.pipeline_data import PipelineData
 

@@ -49,7 +49,7 @@ from pneucli.simulate.open_loop import noise_free_recording
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run_kernel
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 
 RIG = Rig(
     ambient_pressure=101_300.0,

@@ -50,11 +50,16 @@ from pneucli.figure import Figure
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import ResidualModel, residual_models
-from pneucli.identify.valve.charge_budget import Vessel, budget_of_conductance, conductance_factor, with_budgets
+from pneucli.identify.valve.charge_budget import (
+    Vessel,
+    budget_of_conductance,
+    conductance_factor,
+    with_budgets,
+    with_flow_budgets,
+)
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.identification import identify_valve
 from pneucli.identify.valve.iso6358 import IsoConductance
-from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_flow import refit
 from pneucli.identify.valve.steady_rows import coordinates_of
 from pneucli.identify.valve.uncertainty import Measurement
@@ -68,7 +73,7 @@ from pneucli.recording import Calibration, Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages import identify, ingest
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.units import parse_quantity

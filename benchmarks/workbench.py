@@ -457,7 +457,7 @@ async def stay(file: Path, hours: float) -> Stay:
     from pneucli.workbench import lifetime  # noqa: PLC0415
     from pneucli.workbench.bench import Bench  # noqa: PLC0415
     from pneucli.workbench.commands import CommandRunner  # noqa: PLC0415
-    from pneucli.workbench.guards import Guard  # noqa: PLC0415
+    from pneucli.workbench.lifetime import Guard  # noqa: PLC0415
     from pneucli.workbench.server import application  # noqa: PLC0415
 
     found, usual = Stay(), (lifetime.HEARTBEAT, lifetime.WATCH_INTERVAL)

@@ -15,10 +15,19 @@ from typing import Any
 
 import pytest
 
+from pneucli import executors
 from pneucli.errors import InputError
-from pneucli.executors import dask_cluster
-from pneucli.executors.dask_cluster import engine_from, require_cluster, require_same_identity
-from pneucli.executors.engine import JOBS_PER_SLOT, MAX_ATTEMPTS, ProcessEngine, ThreadEngine, map_in_threads, run_jobs
+from pneucli.executors import (
+    JOBS_PER_SLOT,
+    MAX_ATTEMPTS,
+    ProcessEngine,
+    ThreadEngine,
+    engine_from,
+    map_in_threads,
+    require_cluster,
+    require_same_identity,
+    run_jobs,
+)
 
 
 @pytest.mark.parametrize("address", ["ray://here:8786", "dask://here", "dask://here:port", "dask://", "here:8786"])
@@ -37,7 +46,7 @@ def test_a_closed_port_is_refused_before_any_work() -> None:
 
 def test_a_port_that_never_answers_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(dask_cluster, "ANSWER_TIMEOUT", 0.3)
+    monkeypatch.setattr(executors, "ANSWER_TIMEOUT", 0.3)
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()
@@ -185,7 +194,7 @@ def test_a_worker_of_a_cluster_that_dies_loses_nothing(tmp_path: Path) -> None:
 
 ORPHANS = """
 import os, time
-from pneucli.executors.engine import ProcessEngine
+from pneucli.executors import ProcessEngine
 if __name__ == "__main__":
     engine = ProcessEngine(1)
     print(engine.submit(os.getpid).result(), flush=True)

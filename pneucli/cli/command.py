@@ -73,7 +73,7 @@ def executor_option(executor: str | None) -> dict[str, Any]:
     """Return the option that names the executor; raises InputError at once where it does not answer."""
     if executor is None:
         return {}
-    from pneucli.executors.dask_cluster import require_cluster
+    from pneucli.executors import require_cluster
 
     require_cluster(executor)
     return {"executor": executor}

@@ -85,7 +85,7 @@ def command_line_page() -> str:
 
 def generated_pages() -> dict[str, str]:
     """Return every generated page, by its path below ``docs``."""
-    from pneucli.config.json_schema import schema_text
+    from pneucli.config.key_reference import schema_text
     from pneucli.physics.effects import catalogue
 
     all_effects = [effect for _, effect in sorted(catalogue().items())]

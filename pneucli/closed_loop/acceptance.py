@@ -18,7 +18,7 @@ from pneucli.closed_loop.robustness import TOLERANCES, AxisDistribution
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.air_spring import stiffness_per_pressure, unmet_requirements
-from pneucli.design.reference_limits import chamber_2_pressure, reachable_speed_and_gradient
+from pneucli.design.bandwidths import chamber_2_pressure, reachable_speed_and_gradient
 from pneucli.design.requirements import Requirements
 from pneucli.messages.design import MissedRequirement, cause_text
 from pneucli.physics.gas import PSI_MAX

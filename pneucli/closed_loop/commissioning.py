@@ -30,7 +30,7 @@ from pneucli.controller.layout import DELAY_LINE_SAMPLES
 from pneucli.controller.parameters import Controller
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.requirements import Requirements
-from pneucli.executors.engine import map_in_threads, thread_count
+from pneucli.executors import map_in_threads, thread_count
 from pneucli.messages.compare import Commissioned
 from pneucli.physics.declaration import consists_of_times
 from pneucli.physics.effects import catalogue

@@ -26,7 +26,7 @@ from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.bandwidths import CASCADE_RATIO, pressure_corner
 from pneucli.design.control_laws import DesignData
 from pneucli.design.requirements import Requirements
-from pneucli.executors.engine import map_in_threads, thread_count
+from pneucli.executors import map_in_threads, thread_count
 from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at

@@ -24,7 +24,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.parameters import Controller
 from pneucli.errors import InputError, did_you_mean
-from pneucli.executors.engine import Engine, run_jobs
+from pneucli.executors import Engine, run_jobs
 from pneucli.io.artifacts import write_text
 from pneucli.messages.simulate import SuccessRate
 from pneucli.physics.declaration import Effect

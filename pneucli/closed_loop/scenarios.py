@@ -11,7 +11,7 @@ from pneucli.arrays import Array
 from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller, nominal_load
-from pneucli.design.reference_limits import chamber_2_pressure
+from pneucli.design.bandwidths import chamber_2_pressure
 from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_quantity

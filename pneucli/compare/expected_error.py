@@ -13,7 +13,7 @@ import numpy as np
 
 from pneucli.arrays import Array, Mask
 from pneucli.distributions import chi_square_tail, chi_square_upper_quantile
-from pneucli.executors.engine import map_in_threads, simulations_at_once
+from pneucli.executors import map_in_threads, simulations_at_once
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import NOISE_SEED, iterate_deviations

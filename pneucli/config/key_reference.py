@@ -6,8 +6,9 @@ and of the parsers of the tables that stages read themselves.
 
 from __future__ import annotations
 
+import json
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from functools import cache
 from importlib.resources import files
@@ -21,6 +22,7 @@ from pydantic_core import PydanticUndefined
 from pneucli.config.pipeline_tables import PipelineConfig
 from pneucli.config.signal_tables import SignalsTable, SignalTable
 from pneucli.config.value_types import QuantityReader
+from pneucli.physics.effects import catalogue_with_sides
 from pneucli.quantities import ROTARY_UNITS
 
 OPEN_LOOP, CLOSED_LOOP, MONTE_CARLO = (f"scenarios, kind = {k}" for k in ("open-loop", "closed-loop", "monte-carlo"))
@@ -157,3 +159,54 @@ def _keys_of_stages() -> Iterator[tuple[str, str, str, str, tuple[str, ...]]]:
 
 def _quoted(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f'"{name}"' for name in names)
+
+
+SCHEMA_FILE = "pipeline.schema.json"
+DIRECTIVE = f"#:schema ./{SCHEMA_FILE}"  # on the first line of a TOML file, as Taplo and its editors read it
+_KINDS = {OPEN_LOOP: "open-loop", CLOSED_LOOP: "closed-loop", MONTE_CARLO: "monte-carlo"}
+
+
+def json_schema(effects: Iterable[str] = ()) -> dict[str, Any]:
+    """Return the schema (draft 2020-12); ``effects`` are names to be offered where one is asked for."""
+    made = PipelineConfig.model_json_schema(by_alias=True)
+    known = all_keys()
+    for table, model in table_models().items():
+        properties = made["$defs"][model.__name__]["properties"]
+        for key in known:
+            if key.table == table:
+                properties[key.name] |= _description(key)
+    made["properties"]["design"] = _object([k for k in known if k.table == "design"])
+    kinds = [_object([k for k in known if k.table == table]) for table in _KINDS]
+    for kind, name in zip(kinds, _KINDS.values(), strict=True):
+        kind["properties"]["kind"] = {"const": name}
+        kind["required"] = [] if name == "open-loop" else ["kind"]
+    made["properties"]["scenarios"] = {"type": "array", "items": {"anyOf": kinds}}
+    offered = {"anyOf": [{"enum": sorted(effects)}, {"type": "string"}]}
+    made["$defs"]["ModelTable"]["properties"]["effects"]["items"] = offered
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "pneucli pipeline file"} | {
+        key: value for key, value in made.items() if key != "title"
+    }
+
+
+def _description(key: Key) -> dict[str, Any]:
+    unit = f" (SI unit: {key.unit})" if key.unit and key.unit != "1" else ""
+    return {"description": f"{key.says}{unit}", "examples": [parse_toml_value(key.example)]}
+
+
+def _object(own: list[Key]) -> dict[str, Any]:
+    properties = {key.name: _description(key) | _schema_choices(key) for key in own}
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _schema_choices(key: Key) -> dict[str, Any]:
+    return {"enum": [parse_toml_value(one) for one in key.choices]} if key.choices else {}
+
+
+def parse_toml_value(text: str) -> Any:
+    """Return the value that a piece of TOML stands for."""
+    return tomllib.loads(f"value = {text}")["value"]
+
+
+def schema_text() -> str:
+    """Return the schema as JSON."""
+    return json.dumps(json_schema(catalogue_with_sides()), indent=1, ensure_ascii=False) + "\n"

@@ -1,7 +1,7 @@
 """Design of the cascade: position loop, pressure loop, inverse valve map (thesis 7.1-7.3), by rules.
 
 The whole axis violates the matching condition (:mod:`pneucli.design.sliding`), so an inner, faster loop makes the
-pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`, :mod:`pneucli.design.reference_limits`.
+pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`, :mod:`pneucli.design.bandwidths`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,19 @@ from pneucli.controller.layout import COMPONENT_SWITCHES, OPEN_CHAMBER_VOLUME, S
 from pneucli.controller.parameters import Controller
 from pneucli.design import effect_compensation
 from pneucli.design.air_spring import level_settings
-from pneucli.design.bandwidths import Bandwidths, choose_bandwidths, controller_gains, loop_timing, valve_compensation
-from pneucli.design.reference_limits import reference_limits
+from pneucli.design.bandwidths import (
+    Bandwidths,
+    choose_bandwidths,
+    controller_gains,
+    loop_timing,
+    reference_limits,
+    valve_compensation,
+)
 from pneucli.design.requirements import Requirements
 from pneucli.errors import InputError
 from pneucli.physics.gas import flow_scale
 from pneucli.simulate.model import Model, ValveForm
-from pneucli.simulate.valve_forms.area import MIN_AREA
+from pneucli.simulate.valve_forms import MIN_AREA
 
 SEAL_STIFFNESS = 12.0  # supply forces over the stroke: stiffness of a soft seal before the piston slides
 CLOSING_RATE = 10.0  # 1/s: closing speed per error near a resting reference

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.design.reference_limits import WORKING_PRESSURES, chamber_2_pressure
+from pneucli.design.bandwidths import WORKING_PRESSURES, chamber_2_pressure
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
 from pneucli.physics.gas import PSI_MAX

@@ -24,8 +24,7 @@ from threadpoolctl import threadpool_limits
 from pneucli.diagnose.data import DiagnosisData, Refit, RunRefits, run_locally
 from pneucli.diagnose.score import FittedModel
 from pneucli.errors import InputError
-from pneucli.executors.dask_cluster import Identity, engine_from
-from pneucli.executors.engine import Engine, run_jobs
+from pneucli.executors import Engine, Identity, engine_from, run_jobs
 from pneucli.identify.estimation.score_test import ScoreTest
 from pneucli.io.artifacts import atomic_path, sha256_of
 from pneucli.messages.progress import fitted_progress

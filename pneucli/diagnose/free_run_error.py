@@ -9,13 +9,14 @@ from typing import NamedTuple, TypeVar
 from pneucli.compare import ChannelResult, Comparison, compare, overall_error
 from pneucli.compare.beyond_fitted import excess_beyond_fitted
 from pneucli.compare.expected_error import ExpectedError, combined_distribution, expected_errors
-from pneucli.compare.free_run import free_runs, judge_with_free_runs
 from pneucli.compare.goodness_of_fit import (
     SegmentSquares,
     Squares,
     excused_error,
+    free_runs,
     is_judged,
     judge_fit,
+    judge_with_free_runs,
     parameter_error_squares,
 )
 from pneucli.diagnose.score import ErrorsByUse

@@ -14,6 +14,7 @@ from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_ca
 from pneucli.diagnose.constraints import (
     IMPOSSIBLE,
     MIN_ERROR_RISE,
+    at_any_bound,
     error_ratio,
     lowers_error,
     raises_error_beyond_noise,
@@ -25,7 +26,6 @@ from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_am
 from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.evidence import holm_adjusted
 from pneucli.diagnose.score import FittedModel
-from pneucli.diagnose.validity import at_any_bound
 from pneucli.memory import release_free_memory
 from pneucli.physics.declaration import Effect
 

@@ -18,8 +18,7 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import EXAM_FILE, SEALED_FOLDER, require_empty, seal
 from pneucli.exam.conditions import Kind
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.grades import EffectSizes, Like, OfSize, WrittenLike
-from pneucli.exam.grading import graded_cases, proportion
+from pneucli.exam.grades import EffectSizes, Like, OfSize, WrittenLike, graded_cases, proportion
 from pneucli.exam.hidden_effects import CATALOGUE, HiddenEffect
 from pneucli.exam.laboratory import Laboratory, RecordingPlan
 from pneucli.exam.rig.excitations import closed_loop
@@ -34,7 +33,7 @@ from pneucli.pipeline.manifest import program_digest
 from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.pipeline_file import load_pipeline_file

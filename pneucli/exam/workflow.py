@@ -16,11 +16,9 @@ from pneucli.errors import InputError
 from pneucli.exam.cases import write_exam
 from pneucli.exam.conditions import USUAL
 from pneucli.exam.graded_case import GradedCase
-from pneucli.exam.grades import Answered, Grades, Written
-from pneucli.exam.grading import SECONDS_FILE, graded_cases
-from pneucli.exam.grading import grade as grade_answers
-from pneucli.executors.dask_cluster import engine_from
-from pneucli.executors.engine import run_jobs
+from pneucli.exam.grades import SECONDS_FILE, Answered, Grades, Written, graded_cases
+from pneucli.exam.grades import grade as grade_answers
+from pneucli.executors import engine_from, run_jobs
 from pneucli.figure import to_json
 from pneucli.io.artifacts import Provenance, TableWriter, schema_of, write_text
 from pneucli.pipeline.graph import NO_PROGRESS, Progress

@@ -20,8 +20,7 @@ from pneucli.config import FleetConfig, keys_at
 from pneucli.config.load import FleetTable
 from pneucli.document import read_toml
 from pneucli.errors import InputError
-from pneucli.executors.dask_cluster import engine_from
-from pneucli.executors.engine import Engine, Outcome, run_jobs
+from pneucli.executors import Engine, Outcome, engine_from, run_jobs
 from pneucli.fleet import row as fleet_row
 from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError

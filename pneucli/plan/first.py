@@ -22,9 +22,7 @@ from pneucli.recording import Rig
 from pneucli.simulate.model import Model, with_effect
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import NO_VALVE, LinearValve, SwitchingValve, ValveArea
 
 KNOTS = (0.1, 0.25, 0.5, 1.0)  # of the command's range, at which a typical valve's area is a parameter
 AREA_EXPONENT = 1.1  # of a typical valve's area over its command

@@ -15,7 +15,7 @@ from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value, with_parameters
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 
 SHIFTED_BEST = 4  # draws of the best model's parameters
 SHIFTED_RIVAL = 1  # draws of each rival's

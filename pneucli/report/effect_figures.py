@@ -26,8 +26,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import SwitchingValve, ValveArea
 
 # the rig of fixtures/demo, which is of the size of the thesis's cylinder
 CYLINDER = Rig(

@@ -13,9 +13,7 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.gas import critical_ratio_of
 from pneucli.recording import Rig
 from pneucli.simulate.layout import BASE_NAMES
-from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import NO_VALVE, LinearValve, SwitchingValve, ValveArea
 
 ValveForm = ValveArea | LinearValve | SwitchingValve
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from pneucli.compare.channel_errors import assess_purpose
-from pneucli.compare.free_run import exceeds_limit
+from pneucli.compare.goodness_of_fit import exceeds_limit
 from pneucli.config.stage_tables import Channel
 from pneucli.figure import Figure
 from pneucli.identify.estimation.fit import Estimate

@@ -27,11 +27,16 @@ from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, replay_states
 from pneucli.compare import Comparison, compare, find_error_regions, overall_error
 from pneucli.compare.beyond_fitted import beyond_fitted, excess_beyond_fitted
-from pneucli.compare.channel_errors import evaluate_channel
+from pneucli.compare.channel_errors import Correlation, evaluate_channel, residual_correlations
 from pneucli.compare.expected_error import ExpectedError, expected_errors
-from pneucli.compare.free_run import free_runs, judge_with_free_runs
-from pneucli.compare.goodness_of_fit import excused_error, is_judged, judge_fit, parameter_error_squares
-from pneucli.compare.residual_correlation import Correlation, residual_correlations
+from pneucli.compare.goodness_of_fit import (
+    excused_error,
+    free_runs,
+    is_judged,
+    judge_fit,
+    judge_with_free_runs,
+    parameter_error_squares,
+)
 from pneucli.config import recording_sources
 from pneucli.controller import layout
 from pneucli.export.controller_program import ExportedController, load_controller

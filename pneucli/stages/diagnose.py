@@ -12,6 +12,7 @@ from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty
 from pneucli.diagnose.candidate import Candidate, Decision, Reason
+from pneucli.diagnose.constraints import lacks_p2
 from pneucli.diagnose.data import DiagnosisData, folds_of
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.free_run_error import (
@@ -23,7 +24,6 @@ from pneucli.diagnose.free_run_error import (
 )
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.diagnose.subsample import MAX_ERROR_SAMPLES
-from pneucli.diagnose.validity import lacks_p2
 from pneucli.figure import Figure, to_answer
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals

@@ -12,9 +12,9 @@ from pneucli.arrays import Array
 from pneucli.compare.channel_errors import channel_result
 from pneucli.errors import InputError
 from pneucli.figure import Figure, named, to_answer
+from pneucli.identify.valve.charge_budget import with_flow_budgets
 from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare_flow, identify_flow_bench
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
-from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.steady_rows import FlowPath
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
 from pneucli.io.artifacts import Tables, TableWriter

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pneucli.config.json_schema import DIRECTIVE, schema_text
-from pneucli.config.json_schema import SCHEMA_FILE as SCHEMA
+from pneucli.config.key_reference import DIRECTIVE, schema_text
+from pneucli.config.key_reference import SCHEMA_FILE as SCHEMA
 from pneucli.errors import InputError
 from pneucli.init.columns import guess_columns
 from pneucli.init.components import Component, Question, values_of, with_components, with_values

@@ -11,9 +11,7 @@ from pneucli.io.artifacts import Tables, read_table
 from pneucli.physics.declaration import Effect
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, ValveForm, with_parameters
-from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import LinearValve, SwitchingValve, ValveArea
 
 MODEL_FILE = "model.parquet"
 DRAWS_FILE = "parameter_draws.parquet"

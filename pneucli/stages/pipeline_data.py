@@ -9,14 +9,17 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from pneucli.compare.free_run import MIN_HORIZON_SAMPLES, default_horizon
+from pneucli.compare.goodness_of_fit import MIN_HORIZON_SAMPLES, default_horizon
 from pneucli.config import join_faults, plugin_files
 from pneucli.diagnose.subsample import MAX_SAMPLES, MIN_REDUCTION, subsample
 from pneucli.errors import InputError, require_known
 from pneucli.figure import to_json
 from pneucli.identify.guesses.base_model import guess_base_model
-from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
-from pneucli.identify.guesses.null_command import with_identified_null
+from pneucli.identify.guesses.null_command import (
+    with_common_command_range,
+    with_identified_null,
+    with_intersample_commands,
+)
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.io.artifacts import Provenance, Tables, sha256_of
 from pneucli.io.recordings import load_recordings

@@ -13,7 +13,7 @@ from pneucli.closed_loop.metrics import compare_laws
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
 from pneucli.controller.parameters import Controller
-from pneucli.executors.dask_cluster import engine_from
+from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.export.replay_check import replay_exported_c
 from pneucli.figure import to_answer

@@ -30,7 +30,7 @@ from pneucli.units import parse_quantity
 from pneucli.workbench import state
 from pneucli.workbench.commands import Command, CommandRunner
 from pneucli.workbench.live_model import LiveModel, Variant
-from pneucli.workbench.timeline import Interval, visible
+from pneucli.workbench.prediction import Interval, visible
 
 CHAPTERS = {"where": error_location, "valve": valve, "friction": friction}
 DROPPED = "dropped"  # folder beside the pipeline file, for recordings that are dropped onto the page

@@ -34,8 +34,19 @@ from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
-from pneucli.workbench.prediction import Line, Prediction, Simulated, at_rows, comparison_tables
-from pneucli.workbench.timeline import Interval, Place, joined, lay_out, visible, within
+from pneucli.workbench.prediction import (
+    Interval,
+    Line,
+    Place,
+    Prediction,
+    Simulated,
+    at_rows,
+    comparison_tables,
+    joined,
+    lay_out,
+    visible,
+    within,
+)
 
 MAX_RESIDUALS = 20_000  # of the step: it is to be seen at once, and more samples hardly change it
 RANK_TOLERANCE = 1e-3  # of the largest singular value, below which a direction is not moved

@@ -27,8 +27,7 @@ from pneucli.pipeline.runner import Pipeline
 from pneucli.report.page_elements import Panel
 from pneucli.workbench.bench import DROPPED, Bench
 from pneucli.workbench.commands import CommandRunner
-from pneucli.workbench.guards import MAX_BODY, Guard
-from pneucli.workbench.lifetime import Workbench
+from pneucli.workbench.lifetime import MAX_BODY, Guard, Workbench
 from pneucli.workbench.live_model import Variant
 
 MAX_SAMPLES = 40_000  # of a panel: ten times those of a wide screen

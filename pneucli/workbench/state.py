@@ -28,7 +28,7 @@ from pneucli.pipeline.runner import Pipeline
 from pneucli.simulate.model import has_parameter, parameter_value
 from pneucli.stages.history import compared_models
 from pneucli.workbench.live_model import LiveModel
-from pneucli.workbench.timeline import Place
+from pneucli.workbench.prediction import Place
 
 Answers = Mapping[str, Mapping[str, Any]]
 SHOWN_STAGES = ("ingest", "identify", "compare", "diagnose")

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli import cli
-from pneucli.executors import dask_cluster
-from pneucli.executors.engine import ThreadEngine
+from pneucli import cli, executors
+from pneucli.executors import ThreadEngine
 from pneucli.pipeline.graph import STAGES
 from tests.cli.toys import PIPELINE
 from tests.identify.test_leak_test import decay
@@ -102,7 +101,7 @@ def pneucli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     for name, stage in list(STAGES.items()):
         monkeypatch.setitem(STAGES, name, replace(stage, package="tests.cli.toys"))
     monkeypatch.setattr(
-        dask_cluster, "ProcessEngine", lambda slots, preload: ThreadEngine(1)
+        executors, "ProcessEngine", lambda slots, preload: ThreadEngine(1)
     )  # other processes would have the real stages
 
     def run(*words: object) -> Result:

@@ -20,9 +20,9 @@ from pneucli.closed_loop.ensemble import Choice, Proof, RigEnsemble, ensemble_of
 from pneucli.closed_loop.metrics import without_component
 from pneucli.closed_loop.scenarios import read_scenarios
 from pneucli.controller.parameters import Controller
+from pneucli.design.bandwidths import chamber_2_pressure
 from pneucli.design.cascade_design import design_cascade
 from pneucli.design.control_laws import controller_for
-from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.design.requirements import Requirements
 from pneucli.figure import read
 from pneucli.messages import design as messages

@@ -31,8 +31,7 @@ from pneucli.closed_loop.simulation import simulate
 from pneucli.controller import layout
 from pneucli.design.cascade_design import choose_bandwidths, design_cascade
 from pneucli.errors import InputError
-from pneucli.executors.dask_cluster import engine_from
-from pneucli.executors.engine import ThreadEngine
+from pneucli.executors import ThreadEngine, engine_from
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at

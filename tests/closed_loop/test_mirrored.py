@@ -13,7 +13,7 @@ from pneucli.design.requirements import Requirements
 from pneucli.physics.effects import catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.simulate.synthetic_experiments import FRICTION, RIG, STRIBECK
 
 COMMANDS = (-10.0, -5.0, -1.0, 1.0, 5.0, 10.0)

@@ -12,7 +12,7 @@ from pneucli.pipeline.graph import Context
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages import ingest
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

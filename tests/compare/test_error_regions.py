@@ -9,7 +9,7 @@ import pytest
 from pneucli.arrays import Array
 from pneucli.compare.channel_errors import ChannelResult
 from pneucli.compare.error_regions import error_concentration, find_error_regions, locator_signals
-from pneucli.compare.free_run import default_horizon
+from pneucli.compare.goodness_of_fit import default_horizon
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at

@@ -10,8 +10,7 @@ import pytest
 from pneucli.compare import compare
 from pneucli.compare.beyond_fitted import BeyondFitted, beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import Comparison, channel_result
-from pneucli.compare.free_run import exceeds_limit, free_runs, judge_with_free_runs
-from pneucli.compare.goodness_of_fit import worst_channel
+from pneucli.compare.goodness_of_fit import exceeds_limit, free_runs, judge_with_free_runs, worst_channel
 from pneucli.messages.compare import LackOfFit
 from pneucli.noise import NoiseModel
 from pneucli.recording import Recording, Rig, Use

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from pneucli.compare import compare, goodness_of_fit, overall_error
-from pneucli.compare.channel_errors import ChannelResult
+from pneucli.compare.channel_errors import ChannelResult, Correlation, confidence_bound, residual_correlations
 from pneucli.compare.expected_error import ExpectedError, expected_rms, noise_error
 from pneucli.compare.goodness_of_fit import (
     SegmentSquares,
@@ -20,11 +20,10 @@ from pneucli.compare.goodness_of_fit import (
     judge_fit,
     parameter_error_squares,
 )
-from pneucli.compare.residual_correlation import Correlation, confidence_bound, residual_correlations
 from pneucli.messages.compare import LackOfFit
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import sample_deviations
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.compare.fixture_experiments import FixtureExperiments, load_fixture
 from tests.compare.test_channel_errors import TIME, comparison
 from tests.simulate.synthetic_experiments import FRICTION, RIG

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneucli.compare import find_error_regions, overall_error
-from pneucli.compare.channel_errors import compare
+from pneucli.compare.channel_errors import compare, residual_correlations
 from pneucli.compare.expected_error import expected_errors
-from pneucli.compare.residual_correlation import residual_correlations
 from pneucli.identify.friction.identification import break_away
 from pneucli.identify.friction.kinematics import estimate_motion
 from pneucli.identify.guesses.base_model import guess_base_model

@@ -12,8 +12,17 @@ import pytest
 from pneucli.closed_loop.robustness import read_settings
 from pneucli.closed_loop.scenarios import read_scenario as closed_loop
 from pneucli.config import load, validate
-from pneucli.config.json_schema import json_schema, parse_toml_value
-from pneucli.config.key_reference import CLOSED_LOOP, MONTE_CARLO, OPEN_LOOP, Key, all_keys, key_texts, table_models
+from pneucli.config.key_reference import (
+    CLOSED_LOOP,
+    MONTE_CARLO,
+    OPEN_LOOP,
+    Key,
+    all_keys,
+    json_schema,
+    key_texts,
+    parse_toml_value,
+    table_models,
+)
 from pneucli.config.pipeline_tables import PipelineConfig
 from pneucli.design.requirements import read_requirements
 from pneucli.errors import InputError

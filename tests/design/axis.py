@@ -19,7 +19,7 @@ from pneucli.design.sliding import axis_systems
 from pneucli.physics.effects import catalogue
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 
 TRUTH = json.loads((Path(__file__).parents[2] / "fixtures/truth.json").read_text())["demo"]["parameters"]
 COMMANDS = (0.5, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0)

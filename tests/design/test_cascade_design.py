@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 
 from pneucli.design import cascade_design
-from pneucli.design.bandwidths import LOAD_OBSERVER_RATIO, UNMODELLED_DELAY, Bandwidths, Timing, controller_gains
+from pneucli.design.bandwidths import (
+    LOAD_OBSERVER_RATIO,
+    UNMODELLED_DELAY,
+    Bandwidths,
+    Timing,
+    chamber_2_pressure,
+    controller_gains,
+)
 from pneucli.design.cascade_design import inverse_table
-from pneucli.design.reference_limits import chamber_2_pressure
 from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.errors import InputError
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.design import axis
 
 MODEL = axis.model()

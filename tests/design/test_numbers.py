@@ -12,7 +12,7 @@ from pneucli.design.bandwidths import choose_bandwidths
 from pneucli.design.cascade_design import design_cascade
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.design import axis
 from tests.stored import hold_rows_against
 

@@ -9,6 +9,7 @@ import pytest
 
 from pneucli.diagnose import constraints
 from pneucli.diagnose.constraints import (
+    has_unmeasured_force,
     interval_contains_null,
     raises_error_beyond_noise,
     raises_held_out_error,
@@ -16,7 +17,6 @@ from pneucli.diagnose.constraints import (
 )
 from pneucli.diagnose.data import DiagnosisData
 from pneucli.diagnose.score import ErrorsByUse
-from pneucli.diagnose.validity import has_unmeasured_force
 from pneucli.identify.estimation.fit import Fit, fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import free_parameters

@@ -18,7 +18,7 @@ from pneucli.diagnose.data import Refit, run_locally
 from pneucli.diagnose.diagnosis import diagnose
 from pneucli.diagnose.executor_refit import ExecutorRefits
 from pneucli.errors import InputError
-from pneucli.executors.engine import ProcessEngine, ThreadEngine
+from pneucli.executors import ProcessEngine, ThreadEngine
 from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import catalogue
 from pneucli.pipeline.runner import open_pipeline

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from pneucli.diagnose.constraints import end_locations
 from pneucli.diagnose.evidence import relative_effect_size, significance, wald_p_value
-from pneucli.diagnose.validity import end_locations
 from pneucli.identify.estimation.fit import Fit, parameter_estimates
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect, score_tests
 from pneucli.identify.guesses.base_model import guess_base_model

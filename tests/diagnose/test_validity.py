@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pneucli.diagnose.validity import refuted_by_reading, rests_at_ambient
+from pneucli.diagnose.constraints import refuted_by_reading, rests_at_ambient
 from pneucli.noise.model import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.exam.grades import Grades
-from pneucli.exam.grading import grade, graded_cases
+from pneucli.exam.grades import Grades, grade, graded_cases
 from pneucli.exam.workflow import case_rows
 from pneucli.figure import to_json
 from tests.stored import hold_against

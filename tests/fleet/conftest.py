@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from pneucli.executors.engine import THREADS_VARIABLE
+from pneucli.executors import THREADS_VARIABLE
 from pneucli.fleet import run
 
 os.environ.update(AWS_ACCESS_KEY_ID="nobody", AWS_SECRET_ACCESS_KEY="nothing", AWS_EC2_METADATA_DISABLED="true")

@@ -17,7 +17,7 @@ from pneucli.cli.command import HowToRun
 from pneucli.cli.commands.diagnose import _baseline_options
 from pneucli.config import load_fleet
 from pneucli.errors import InputError
-from pneucli.executors.engine import ThreadEngine
+from pneucli.executors import ThreadEngine
 from pneucli.fleet import row
 from pneucli.fleet import run as stage
 from pneucli.fleet.output import evaluate_checks

@@ -20,8 +20,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
-from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import SwitchingValve, ValveArea
 from tests.simulate.synthetic_experiments import FRICTION, RIG
 
 FIRST = ValveArea((-4.0, -2.0, 2.0, 4.0), (8e-7, 4e-7, 4e-7, 8e-7))

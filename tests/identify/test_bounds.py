@@ -18,7 +18,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import run
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.simulate.spring_return import CYLINDER, recordings
 from tests.simulate.synthetic_experiments import VALVE, make_experiment, model, time_grid
 

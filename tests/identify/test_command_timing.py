@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.guesses.command_timing import with_common_command_range, with_intersample_commands
+from pneucli.identify.guesses.null_command import with_common_command_range, with_intersample_commands
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment

@@ -19,7 +19,7 @@ from pneucli.identify.residuals import ChamberPressures, ForceBalance, FreeRun, 
 from pneucli.messages.formatting import format_figure
 from pneucli.recording import ParameterPrior
 from pneucli.simulate.model import parameter_value
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages.answer_parts import figures_of
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 

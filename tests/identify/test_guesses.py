@@ -12,11 +12,11 @@ from pneucli.identify.guesses.base_model import TINY, guess_base_model, guess_fr
 from pneucli.identify.guesses.flow_paths import flow_path_data
 from pneucli.identify.guesses.valve_areas import guess_gain, guess_map, guess_overlap
 from pneucli.identify.residuals import base as initial_state
-from pneucli.identify.residuals.force_balance import breakaway_velocities, uncertain_direction
+from pneucli.identify.residuals.chambers import breakaway_velocities, uncertain_direction
 from pneucli.physics.gas import CRITICAL_RATIO
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
-from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms import LinearValve
 from tests.simulate.synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid
 
 TIME = time_grid(4.0)

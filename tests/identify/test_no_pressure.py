@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.diagnose.validity import has_unmeasured_force
+from pneucli.diagnose.constraints import has_unmeasured_force
 from pneucli.errors import InputError
 from pneucli.figure import read
 from pneucli.identify.estimation.intervals import with_intervals
@@ -23,7 +23,7 @@ from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import run
-from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms import LinearValve
 from pneucli.stages.diagnose import unmeasured_pressure_warnings
 from tests.simulate.synthetic_experiments import (
     BALANCED,

@@ -8,7 +8,7 @@ import pytest
 
 from pneucli.identify.estimation import model_fit
 from pneucli.identify.estimation.fit import FULL_CONVERGENCE
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.simulate.synthetic_experiments import model
 
 COMMANDS = (-10.0, -4.0, -1.0, 1.0, 4.0, 10.0)

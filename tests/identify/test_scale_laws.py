@@ -23,8 +23,7 @@ from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.rig_quantities import rig_quantities
 from pneucli.simulate.run import simulate
-from pneucli.simulate.valve_forms.area import NO_VALVE, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms import NO_VALVE, LinearValve, ValveArea
 from pneucli.units import parse_unit
 from tests.simulate.synthetic_experiments import FRICTION, RIG, VALVE, held_commands, make_experiment, time_grid
 

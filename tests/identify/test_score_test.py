@@ -22,7 +22,7 @@ from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.experiment import SignalRanges
 from pneucli.simulate.model import parameter_value, with_effect, with_parameters
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model, time_grid
 
 RNG = np.random.default_rng

@@ -13,7 +13,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
 from pneucli.simulate.run import simulate
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages.identify_tables import valve_findings
 from tests.identify_valve.synthetic_tests import identify
 

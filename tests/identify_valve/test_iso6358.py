@@ -11,7 +11,7 @@ from pneucli.identify.estimation.fit import Estimate
 from pneucli.identify.valve import iso6358
 from pneucli.identify.valve.iso6358 import iso_conductances
 from pneucli.physics.effects import catalogue
-from pneucli.simulate.valve_forms.area import area_parameter_name
+from pneucli.simulate.valve_forms import area_parameter_name
 from tests.simulate.synthetic_experiments import VALVE, model
 
 UNIT = 0.484 * np.sqrt(2.0 / (287.0 * 293.15)) / 1.185  # m^3/(s Pa) of 1 m^2

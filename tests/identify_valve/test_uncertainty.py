@@ -11,10 +11,9 @@ from benchmarks import valve
 from pneucli.figure import Figure
 from pneucli.identify.guesses.base_model import PLACEHOLDER_VOLUME
 from pneucli.identify.valve import charge_budget
-from pneucli.identify.valve.charge_budget import Vessel, conductance_factor
+from pneucli.identify.valve.charge_budget import Vessel, conductance_factor, with_flow_budgets
 from pneucli.identify.valve.flow_bench import FlowBench, identify_flow_bench
 from pneucli.identify.valve.iso6358 import IsoConductance
-from pneucli.identify.valve.steady_budget import with_flow_budgets
 from pneucli.identify.valve.uncertainty import (
     Measurement,
     budget_from,

@@ -12,11 +12,10 @@ import pytest
 
 import pneucli
 from pneucli import messages
-from pneucli.cli.commands.run import lines as run_lines
 from pneucli.diagnose.candidate import Reason
 from pneucli.figure import read
 from pneucli.fleet.row_files import FleetRow, result_from_diagnosis
-from pneucli.messages import plan
+from pneucli.messages import plan, run
 from pneucli.messages.diagnose import REJECTION_REASONS, Answer, CandidateAnswer, reason_sentence, verdict_sentence
 from pneucli.messages.findings import OTHERS, VALVE
 from pneucli.plan.manoeuvre import ManoeuvreKind
@@ -50,7 +49,7 @@ def test_terminal_summary_page_and_fleet_show_the_same_sentence(found: dict[str,
     page = to_html(report, [evidence])  # no other section shows a diagnosis
     text = html.unescape(re.sub(r"<script.*?</script>|<[^>]+>", " ", page, flags=re.DOTALL))
     assert one_line(messages.render("diagnose", shown, "a.toml")).startswith(f"found {sentence}")
-    assert f"found {sentence} " in one_line("\n".join(run_lines({"diagnose": shown}, [], [], "r.html", "a.toml")))
+    assert f"found {sentence} " in one_line("\n".join(run.lines({"diagnose": shown}, [], [], "r.html", "a.toml")))
     assert sentence in to_markdown(report)
     assert one_line(text).count(sentence) == 1  # on the first screen; Evidence has the pictures and the rivals
     assert result_from_diagnosis(FleetRow(1, "a", "2026-01-01", {}), read(Answer, shown)).sentence == sentence

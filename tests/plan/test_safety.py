@@ -26,7 +26,7 @@ from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.simulation import is_followed, simulate_manoeuvre, start_of
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 from pneucli.stages.plan import with_kept_loop
 
 RIG = Rig(supply_pressure=7e5, piston_area_1=8e-4, stroke=0.2, dead_volume_1=3e-5, dead_volume_2=3e-5, moving_mass=2.0)

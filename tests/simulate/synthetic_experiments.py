@@ -12,8 +12,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.motion_smoother import MeasuredMotion
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import ValveArea
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import SwitchingValve, ValveArea
 
 # of the size of the thesis's cylinder; no test depends on these very numbers
 RIG = Rig(

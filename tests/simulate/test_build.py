@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneucli.executors.engine import map_in_threads
+from pneucli.executors import map_in_threads
 from pneucli.physics.effects import catalogue, load_plugin
 from pneucli.simulate import build as kernels
 from pneucli.simulate import layout as at

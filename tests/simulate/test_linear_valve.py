@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
+from pneucli.simulate.valve_forms import TABLE_POINTS, LinearValve, ValveArea
 from tests.simulate.synthetic_experiments import RIG
 
 VALVE = LinearValve(2e-7, 8.0)

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from pneucli.simulate.valve_forms.area import TABLE_POINTS, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import TABLE_POINTS, LinearValve, SwitchingValve, ValveArea
 
 COMMANDS = (-9.0, -6.0, -4.0, -2.0, -1.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 AREAS = (2e-6, 1.4e-6, 9e-7, 4e-7, 1e-7, 1.2e-7, 5e-7, 7e-7, 1.2e-6, 1.5e-6, 2.1e-6)

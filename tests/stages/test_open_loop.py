@@ -11,7 +11,7 @@ from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.open_loop import default_free_runs, free_run, run_scenario
 from pneucli.simulate.preparation import prepare
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 
 AREA = 2e-7  # m^2 at 10 V and at -10 V, linear from the closed centre
 VALVE = ValveArea((-10.0, -5.0, 5.0, 10.0), (AREA, AREA / 2, AREA / 2, AREA), 0.0, 0.0)

@@ -134,12 +134,12 @@ FOR_PROGRAMS = {
     *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/writer.py"),  # TOML
     "init/survey.py",  # names of runs
     *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py"),
-    *("exam/grades.py", "executors/dask_cluster.py", "export/fmu/package.py", "export/fmu/plant.py"),
+    *("exam/grades.py", "executors.py", "export/fmu/package.py", "export/fmu/plant.py"),
     *("fleet/output.py", "io/file_units.py", "stages/plan_take.py", "workbench/bench.py"),
     *(
         "stages/history.py",
         "identify/valve/charge_budget.py",
-        "simulate/valve_forms/area.py",
+        "simulate/valve_forms.py",
         "stages/flow_bench.py",
         "stages/diagnosis_answer.py",
     ),  # names of rows

@@ -14,8 +14,7 @@ import pneucli
 from pneucli.notebook.run import open_pipeline_of
 from pneucli.workbench.bench import Bench
 from pneucli.workbench.commands import CommandRunner
-from pneucli.workbench.guards import TOKEN_HEADER, Guard
-from pneucli.workbench.lifetime import Workbench
+from pneucli.workbench.lifetime import TOKEN_HEADER, Guard, Workbench
 from pneucli.workbench.server import application
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

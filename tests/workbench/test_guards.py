@@ -19,8 +19,7 @@ from benchmarks.workbench import ask, served, stay, wait_for_model
 from pneucli.config import load
 from pneucli.pipeline.manifest import MANIFEST_FILE, read_manifest
 from pneucli.workbench import lifetime
-from pneucli.workbench.guards import MAX_BODY, TOKEN_HEADER, Guard
-from pneucli.workbench.lifetime import MAX_PAGES
+from pneucli.workbench.lifetime import MAX_BODY, MAX_PAGES, TOKEN_HEADER, Guard
 from pneucli.workbench.server import application
 from tests.workbench.conftest import TOKEN, Asked, Session
 

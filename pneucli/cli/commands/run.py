@@ -1,9 +1,9 @@
-"""``run``: bring all stages up to date, write the report, evaluate the checks, and tell where the pipeline stands."""
+"""``run``: bring all stages up to date, write the report, then evaluate the checks."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,41 +12,13 @@ import typer
 from pneucli import messages
 from pneucli.cli import console
 from pneucli.cli.command import Command, File, HowToRun, fails_acceptance, print_findings
-from pneucli.figure import read
-from pneucli.messages import diagnose, history, labelled
-from pneucli.messages.formatting import format_parameters, join_names
+from pneucli.messages.run import lines as summary
 from pneucli.paths import from_here
 from pneucli.stages.history import compared_models
 
 if TYPE_CHECKING:
     from pneucli.pipeline.checks import CheckResult
     from pneucli.pipeline.runner import Done, Pipeline
-
-
-def lines(
-    answers: Mapping[str, Mapping[str, Any]],
-    models: Sequence[history.Model],
-    checks: Sequence[str],
-    report: str,
-    file: str,
-) -> Iterator[str]:
-    """Yield the lines; ``checks`` are those that failed."""
-    if here := history.models_on_current_data(models) if models else []:
-        yield from labelled("error", history.error_reduction(here))
-        first, last = here[0], here[-1]
-        if added := [name for name in last.effects if name not in first.effects]:
-            sizes = format_parameters(last.added(added))
-            yield from labelled("added", f"{join_names(added)}{f': {sizes}' if sizes else ''}")
-    if "diagnose" in answers:
-        answer = read(diagnose.Answer, answers["diagnose"])
-        yield from labelled("found", answer.sentence)
-        if answer.missing or answer.impossible:
-            yield from labelled("do", diagnose.next_step(answer, file))
-    count = len(answers.get("report", {}).get("checks", []))
-    passed = f"{count} passed" if count else "none stated in [checks]"
-    yield from labelled("checks", "; ".join(checks) or passed)
-    yield from labelled("report", report)
-
 
 STAGES = ("compare", "design", "simulate", "diagnose", "report")
 
@@ -99,7 +71,7 @@ def _print(
             if name in answers:
                 console.print_text(textwrap.indent(messages.render(name, answers[name], str(file), verbose=True), "  "))
     print_findings(done, answers.get("compare", {}).get("contradicted", ()))
-    console.print_text("\n".join(lines(answers, models, failed, from_here(str(_report(pipeline))), str(file))))
+    console.print_text("\n".join(summary(answers, models, failed, from_here(str(_report(pipeline))), str(file))))
 
 
 def _state(stage: Done) -> str:

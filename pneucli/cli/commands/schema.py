@@ -52,7 +52,7 @@ TABLES = {
 
 def _schema(how: How = How(json=True)) -> None:
     """The options exist for uniformity: the answer is JSON, and there is nothing beside it."""
-    from pneucli.config.json_schema import schema_text
+    from pneucli.config.key_reference import schema_text
 
     print(schema_text(), end="")
 

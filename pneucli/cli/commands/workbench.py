@@ -39,7 +39,7 @@ def _workbench(
     from pneucli.imports import library_of_extra
 
     library_of_extra("aiohttp", "workbench", "pneucli workbench")
-    from pneucli.workbench.guards import LOOPBACK
+    from pneucli.workbench.lifetime import LOOPBACK
     from pneucli.workbench.server import listen, serve
 
     file: Path = pipeline.absolute()

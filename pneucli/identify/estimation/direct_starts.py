@@ -30,7 +30,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, ValveArea
+from pneucli.simulate.valve_forms import MAX_OVERLAP_RATIO, ValveArea
 
 TIMES = 24  # of the search, in equal ratios: a fit goes on from the nearest
 BINS = 40  # of the opening, at equal quantiles, each with an area of its own

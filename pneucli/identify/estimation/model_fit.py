@@ -37,7 +37,7 @@ from pneucli.physics.declaration import Effect, Parameter, consists_of_times
 from pneucli.physics.scales import RigQuantities
 from pneucli.simulate.model import Model, parameter_value, with_effect, with_parameters, without_effect
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import ValveArea
+from pneucli.simulate.valve_forms import ValveArea
 
 TIME_SCAN_POINTS = 33  # values of a time constant or delay, from its smallest typical value to its bound
 SCAN_STRIDE = 2  # every second value is tried, then those beside the best one: minima are far wider than a step

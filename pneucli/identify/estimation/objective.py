@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.executors.engine import map_in_threads, simulations_at_once
+from pneucli.executors import map_in_threads, simulations_at_once
 from pneucli.identify.estimation.blocks import block_labels, channel_slices, clear, residual_counts, residual_slices
 from pneucli.identify.estimation.parameters import DIFFERENCE_STEP, FreeParameter
 from pneucli.identify.residuals import ResidualModel

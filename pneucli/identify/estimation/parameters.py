@@ -16,7 +16,7 @@ from pneucli.recording import ParameterPrior, Rig
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, ValveForm, parameter_value
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, OVERLAP_FIELDS
+from pneucli.simulate.valve_forms import MAX_OVERLAP_RATIO, OVERLAP_FIELDS
 
 DIFFERENCE_STEP = 1e-4  # of a parameter's scale, for forward differences
 

@@ -18,7 +18,7 @@ from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment, imposed_motion
 from pneucli.simulate.model import Model
-from pneucli.simulate.valve_forms.area import NO_VALVE
+from pneucli.simulate.valve_forms import NO_VALVE
 
 TINY = 1e-30  # a positive floor that keeps quotients and logarithms finite
 MIN_SPEED_RATIO = 0.02  # of the largest speed; slower samples may be at rest

@@ -9,9 +9,7 @@ import numpy as np
 from pneucli.arrays import Array, Mask
 from pneucli.identify.guesses.flow_paths import FlowPathData
 from pneucli.simulate.model import ValveForm
-from pneucli.simulate.valve_forms.area import MAX_OVERLAP_RATIO, ValveArea
-from pneucli.simulate.valve_forms.linear import LinearValve
-from pneucli.simulate.valve_forms.switching import SwitchingValve
+from pneucli.simulate.valve_forms import MAX_OVERLAP_RATIO, LinearValve, SwitchingValve, ValveArea
 
 TINY = 1e-30  # a positive floor that keeps quotients and logarithms finite
 MIN_KNOTS, MAX_LEVELS = 3, 40

@@ -23,8 +23,7 @@ from pneucli.identify.residuals.base import (
     bounded_difference,
     force_discrepancy_terms,
 )
-from pneucli.identify.residuals.chambers import ChamberPressures
-from pneucli.identify.residuals.force_balance import ForceBalance, ForceBalanceInferredPressure
+from pneucli.identify.residuals.chambers import ChamberPressures, ForceBalance, ForceBalanceInferredPressure
 from pneucli.physics.ports import Balance
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model

@@ -1,10 +1,15 @@
-"""The pressure residuals: chambers simulated with the measured motion."""
+"""The residuals of pressures and forces, simulated with the measured motion.
+
+The force residual: the friction that measured motion and pressures imply, compared with what the model allows.
+
+Source: docs/method.md, residual models.
+"""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -12,7 +17,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pneucli.arrays import Array
+from pneucli.arrays import Array, read_only
 from pneucli.caches import compiled
 from pneucli.identify.guesses.chamber_balance import (
     Chamber,
@@ -28,6 +33,7 @@ from pneucli.identify.residuals.base import (
     ResidualModel,
     apply_whitening,
     bounded_difference,
+    force_discrepancy_terms,
     initial_state_errors,
     initial_state_sensitivity,
     log_determinant,
@@ -37,9 +43,11 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.simulate import layout as at
 from pneucli.simulate.derivatives import COLUMNS, Directions, derivatives, differentiable
-from pneucli.simulate.experiment import Experiment
+from pneucli.simulate.experiment import Experiment, cache_draws
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import run, simulate
+from pneucli.simulate.outputs import accelerometer_offset, with_estimated_pressures
+from pneucli.simulate.position_smoother import PositionSmoother
+from pneucli.simulate.run import base_vector, kernel_for, run, simulate, with_force_in_time
 
 COMMAND_PERTURBATION = 1e-3  # of each command, for forward differences
 CHAMBER_OF_SIGNAL: dict[str, Chamber] = {"p1": 1, "p2": 2}
@@ -243,3 +251,267 @@ def _perturbed_commands(inputs: Array, null: float, sign: float) -> Array:
         opening = perturbed[:, column] - null
         perturbed[:, column] -= COMMAND_PERTURBATION * np.where(sign * opening > 0.0, opening, 0.0)
     return perturbed
+
+
+MIN_REST_RATIO = 4.0  # times the smear time: the duration of rest, and of motion, around a break-away
+ONSET_SPEED_RATIO = 0.5  # of the standstill speed, so two standard deviations of its noise: there a rest ends
+MIN_BREAKAWAY_SPEED = 1e-9  # m/s, of a break-away within the noise: only its direction counts
+
+
+@dataclass(frozen=True)
+class ForceBalance(ResidualModel):
+    """The force left over by the balance of forces, and the accelerometer at rest."""
+
+    title: ClassVar[str] = "mechanics: friction, load or a force on the piston"
+    balances: ClassVar[frozenset[Balance]] = frozenset({"mechanics", "friction", "pressure sensor"})
+    base_groups: ClassVar[frozenset[str]] = frozenset({"rig", "friction"})
+    predicts_force: ClassVar[bool] = True
+    is_simulated: ClassVar[bool] = False
+
+    @cached_property
+    def channels(self) -> tuple[str, ...]:
+        """The force, and the accelerometer's reading where one was recorded."""
+        e = self.experiment
+        return ("force", "a") if "a" in e.raw and e.noise["a"].rms else ("force",)
+
+    def residual(self, model: Model, errors: Mapping[str, Array] | None = None) -> dict[str, Array]:
+        """Return the residual of the balance by channel, see :meth:`balance`."""
+        return self.balance(model, self.experiment.inputs)
+
+    def exclusive_channels(self, effect: Effect) -> tuple[str, ...]:
+        """Return the accelerometer for its own faults: at rest, nothing else changes its reading."""
+        return ("a",) if "read_a" in effect.ports and "a" in self.channels else ()
+
+    def discrepancy_terms(self, model: Model, channel: str) -> Sequence[DiscrepancyTerm]:
+        """Return the forms of a missing force or friction, or of an accelerometer's error at rest."""
+        at_rest = super().discrepancy_terms(model, channel)
+        return force_discrepancy_terms(self.experiment, self.noise[channel]) if channel == "force" else at_rest
+
+    def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
+        """Return inputs (n, 8) with unmeasured signals filled in."""
+        return inputs
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """The standard deviation of each channel from the sensors alone."""
+        e = self.experiment
+        mass = (e.rig.moving_mass or 1.0) + e.recording.added_mass
+        share = {"p1": e.rig.piston_areas[0], "p2": e.rig.piston_areas[1], "a": mass, "force": 1.0}
+        force_noise = [share[n] * e.noise[n].rms for n in share if n in e.noise]
+        if not force_noise:  # the acceleration is all that was measured, through the position
+            drawn = self._noise_realisation(e.draw_noise(np.random.default_rng(0)))[1][0]
+            force_noise = [mass * float(np.std(drawn - e.acceleration))]
+        force = max(float(np.sqrt(np.sum(np.square(force_noise)))), 1e-6)
+        return {"force": force} | {c: e.noise[c].rms for c in ("a",) if c in e.noise}
+
+    def monte_carlo_rms(self, model: Model, errors: Mapping[str, Array], draws: int, seed: int) -> dict[str, float]:
+        """Propagate drawn sensor noise through the balance.
+
+        It matters at the edge of stiction and where a lag is inverted.
+
+        Args:
+            model: The model.
+            errors: Unused, since the balance has no initial state.
+            draws: Number of draws.
+            seed: Seed of the draws.
+
+        Returns:
+            The rms by channel, in units of the sensors' noise; 1 for the accelerometer at rest, whatever the model.
+
+        """
+        e = self.experiment
+        nominal = self.balance(model, e.inputs)
+        without_noise = self.balance(model, e.inputs, noise=np.zeros(2))
+        power = {c: float(np.mean(((nominal[c] - without_noise[c]) / self.noise[c]) ** 2)) for c in self.channels}
+        for inputs, loads in self._noise_realisations(draws, seed):
+            drawn = self.balance(model, inputs, loads)
+            for c in self.channels:
+                count = max(int(np.count_nonzero(nominal[c])), 1)
+                power[c] += float(np.sum(((drawn[c] - nominal[c]) / self.noise[c]) ** 2)) / (count * draws)
+        return {c: 1.0 if c == "a" else float(np.sqrt(p)) for c, p in power.items()}
+
+    def _noise_realisations(self, draws: int, seed: int) -> Iterable[tuple[Array, tuple[Array, Array]]]:
+        """Return inputs (n, 8) and accelerations of repeated readings of the same run; rests remain rests."""
+        drawn = (self._noise_realisation(noise) for noise in self.experiment.iterate_noise(draws, seed))
+        numbers = draws * self.experiment.time.size * (len(at.INPUTS) + 2)
+        return cache_draws(self._realisation_cache, (draws, seed), drawn, numbers)
+
+    def _noise_realisation(self, noise: Mapping[str, Array]) -> tuple[Array, tuple[Array, Array]]:
+        e, (a, removed_force) = self.experiment, self._acceleration_and_removed_force
+        shift = e.input_errors(noise)
+        shift[e.inputs[:, at.IN_V] == 0.0, at.IN_V] = 0.0
+        more = noise["a"] if "a" in noise else self._acceleration_error(noise, shift)
+        return e.inputs + shift, (a + more, removed_force + self._removed_force(noise, shift))
+
+    def _acceleration_error(self, noise: Mapping[str, Array], shift: Array) -> Array:
+        smoother = self.experiment.motion_smoother
+        if isinstance(smoother, PositionSmoother):
+            return smoother.draw_error(noise["x"])[2]
+        return np.asarray(np.gradient(shift[:, at.IN_V], self.experiment.time))
+
+    @cached_property
+    def _realisation_cache(self) -> dict[tuple[int, int], list[tuple[Array, tuple[Array, Array]]]]:
+        return {}
+
+    @cached_property
+    def _breakaways_and_uncertain_direction(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Velocities at break-aways (n,), and where the direction of motion is uncertain (n,)."""
+        e = self.experiment
+        smoothed = e.measured_motion[1]
+        smear_samples = max(round(e.smear_time / e.recording.period), 1)
+        breakaway = breakaway_velocities(
+            e.inputs[:, at.IN_V],
+            smoothed,
+            ONSET_SPEED_RATIO * e.standstill_speed,
+            round(MIN_REST_RATIO * smear_samples),
+        )
+        bouncing = ~e.is_free & (e.inputs[:, at.IN_V] != 0.0)
+        return breakaway, uncertain_direction(e.inputs[:, at.IN_V], breakaway, smear_samples) | bouncing
+
+    @cached_property
+    def _acceleration_and_removed_force(self) -> tuple[Array, Array]:
+        """The acceleration (n,) and the force (n,) of what smoothing took out of the pressures.
+
+        An accelerometer's reading is taken as it is: it jumps where the piston breaks away and stops, which smoothing
+        would spread.
+        """
+        e = self.experiment
+        return e.acceleration, self._removed_force(e.raw, e.inputs)
+
+    def _removed_force(self, raw: Mapping[str, Array], inputs: Array) -> Array:
+        """Return the force (n,) that smoothing removed from the pressures, linear in ``raw`` and ``inputs`` (n, 8)."""
+        (area_1, area_2), removed_force = self.experiment.rig.piston_areas, np.zeros(self.experiment.time.size)
+        for name, column, share in (("p1", at.IN_P1, area_1), ("p2", at.IN_P2, -area_2)):
+            if name in raw:
+                removed_force += share * (raw[name] - inputs[:, column])
+        return removed_force
+
+    @cached_property
+    def _remaining_force_noise(self) -> Array:
+        """The noise that smoothing leaves in the pressure force (N), and in its rate (N/s)."""
+        e = self.experiment
+        force_noise = [
+            share * e.noise[n].rms for n, share in zip(("p1", "p2"), e.rig.piston_areas, strict=True) if n in e.noise
+        ]
+        removed_power = float(np.mean(self._acceleration_and_removed_force[1] ** 2))
+        drawn, force = e.draw_noise(np.random.default_rng(0)), np.zeros(e.time.size)
+        for name, share in (("p1", e.rig.piston_areas[0]), ("p2", -e.rig.piston_areas[1])):
+            if name in drawn:
+                force += share * (e.smoothers[name](drawn[name]) if name in e.smoothers else drawn[name])
+        remaining_power = max(float(np.sum(np.square(force_noise))) - removed_power, 0.0)
+        return np.array([np.sqrt(remaining_power), np.std(np.gradient(force, e.time))])
+
+    def balance(
+        self, model: Model, inputs: Array, loads: tuple[Array, Array] | None = None, noise: Array | None = None
+    ) -> dict[str, Array]:
+        """Evaluate the balance of forces.
+
+        Args:
+            model: The model.
+            inputs: Kernel inputs, shape (n, 8), of the experiment or of a repeated reading.
+            loads: Acceleration (m/s^2) and removed force (N) of the same reading, each (n,); by default the
+                experiment's.
+            noise: Noise of the pressure force (N) and of its rate (N/s); by default what smoothing leaves.
+
+        Returns:
+            ``force``: the remaining force in N; ``gap``: the probability that the model gives only bounds of the force,
+            between two branches of friction, and ``width`` their distance in N; ``a``, where recorded: the
+            accelerometer's error in m/s^2 at rest. Each (n,).
+
+        """
+        e, kernel = self.experiment, kernel_for(model.effects)
+        (a, removed_force), (breakaway, uncertain) = (
+            loads or self._acceleration_and_removed_force,
+            self._breakaways_and_uncertain_direction,
+        )
+        out, gap, width = np.zeros((3, e.time.size))
+        kernel.functions.run_balance(
+            read_only(e.time),
+            with_force_in_time(model, e, self.with_modelled_inputs(model, inputs)),
+            read_only(a),
+            removed_force,
+            breakaway,
+            uncertain,
+            e.contact_side,
+            self._remaining_force_noise if noise is None else noise,
+            base_vector(model, e),
+            kernel.effect_vector(model.effect_values()),
+            kernel.effect_switches(e.active_effects(model.effects)),
+            out,
+            gap,
+            width,
+        )
+        found = {"force": out, "gap": gap, "width": width}
+        if "a" not in self.channels:
+            return found
+        resting = (e.inputs[:, at.IN_V] == 0.0) & ~uncertain & (breakaway == 0.0)
+        return found | {"a": np.where(resting, e.raw["a"] - accelerometer_offset(model, e), 0.0)}
+
+
+@dataclass(frozen=True)
+class ForceBalanceInferredPressure(ForceBalance):
+    """The balance of forces with the pressures that the model of gas and valve gives for measured motion and commands.
+
+    Initial pressures are unknown and are chosen to minimise the remaining force. While the gas stays enclosed it acts
+    like a spring of unknown preload, so that part of such a force cannot be distinguished from it.
+    """
+
+    balances: ClassVar[frozenset[Balance]] = ForceBalance.balances | ChamberPressures.balances
+    base_groups: ClassVar[frozenset[str]] = ForceBalance.base_groups | ChamberPressures.base_groups
+
+    def with_modelled_inputs(self, model: Model, inputs: Array) -> Array:
+        """Return inputs (n, 8) with the model's pressures."""
+        return with_estimated_pressures(model, self.experiment, inputs)
+
+
+def breakaway_velocities(v: Array, smoothed: Array, onset_speed: float, min_samples: int) -> Array:
+    """Locate break-aways: the last sample of each rest that motion follows.
+
+    The velocity ``v`` is set to zero at rest and leaves zero late, once it exceeds noise. The smoothed velocity shows
+    where it began to grow beyond ``onset_speed``; the break-away is the sample before.
+
+    Args:
+        v: Velocity in m/s, shape (n,), zero at rest.
+        smoothed: Smoothed velocity in m/s, shape (n,).
+        onset_speed: Speed at which motion begins, in m/s.
+        min_samples: Number of samples of rest before, and of motion in one direction after.
+
+    Returns:
+        The velocity in m/s at each break-away, 0 elsewhere, shape (n,).
+
+    """
+    out = np.zeros(v.size)
+    moving = v != 0.0
+    for k in np.flatnonzero(~moving[:-1] & moving[1:]):
+        preceding, following = moving[max(k - min_samples, 0) : k + 1], v[k + 1 : k + 1 + min_samples]
+        if k >= min_samples and not preceding.any() and (np.all(following > 0) or np.all(following < 0)):
+            direction = np.sign(following[0])
+            below_onset = np.flatnonzero(direction * smoothed[k - min_samples : k + 1] < onset_speed)
+            onset = k - min_samples + int(below_onset[-1]) if below_onset.size else k
+            out[onset] = direction * max(direction * smoothed[onset], MIN_BREAKAWAY_SPEED)
+    return out
+
+
+def uncertain_direction(v: Array, breakaway: Array, smear_samples: int) -> NDArray[np.bool_]:
+    """Mask the samples whose direction of motion is uncertain.
+
+    It is uncertain near a reversal, at both ends, and from a break-away until the velocity exceeds noise.
+
+    Args:
+        v: Velocity in m/s, shape (n,), zero at rest.
+        breakaway: Velocity at break-aways, 0 elsewhere, shape (n,).
+        smear_samples: Number of samples over which smoothing spreads a stop.
+
+    Returns:
+        The mask, shape (n,); False at the break-aways themselves.
+
+    """
+    out = np.zeros(v.size, dtype=bool)
+    change = np.flatnonzero(np.diff(np.sign(v)) != 0)
+    for shift in range(1 - smear_samples, smear_samples + 1):
+        out[np.clip(change + shift, 0, v.size - 1)] = True
+    out[:smear_samples] = out[-smear_samples:] = True
+    for onset in np.flatnonzero(breakaway):
+        out[onset : onset + int(np.argmax(v[onset:] != 0.0))] = True
+    out[breakaway != 0.0] = False
+    return out
