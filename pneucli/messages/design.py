@@ -147,7 +147,15 @@ class MatrixInequalities:
 
 @dataclass(frozen=True)
 class WorstMargins:
-    """The smallest margins of one loop, units as in ``Margins``; None where there is no limit."""
+    """The smallest margins of one loop; None where there is no limit.
+
+    Attributes:
+        gain_up: Factor by which the gain may rise; infinite: any.
+        gain_down: Factor by which the gain may fall; 0: any.
+        phase: Phase margin in rad.
+        delay: Additional delay in s; infinite: any.
+        modulus: Least distance of the return ratio L from -1.
+    """
 
     gain_up: float | None
     gain_down: float | None
@@ -157,24 +165,9 @@ class WorstMargins:
 
 
 @dataclass(frozen=True)
-class LoopMargins:
-    """Margins of one loop.
+class LoopMargins(WorstMargins):
+    """The margins of one loop, and its highest frequency in rad/s with ``|L| = 1``; NaN: none."""
 
-    Attributes:
-        gain_up: Factor by which the gain may rise; infinite: any.
-        gain_down: Factor by which the gain may fall; 0: any.
-        phase: Phase margin in rad.
-        delay: Additional delay in s; infinite: any.
-        modulus: Least distance of the return ratio L from -1.
-        crossover: Highest frequency in rad/s with ``|L| = 1``; NaN: none.
-
-    """
-
-    gain_up: float
-    gain_down: float
-    phase: float
-    delay: float
-    modulus: float
     crossover: float
 
 

@@ -16,8 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,9 +25,6 @@ from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.tp.sampling import as_grids, locate, require_finite
 from pneucli.tp.weights import Violation, WeightType, affine_frame, convex_weights, violations
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 DEFAULT_TOLERANCE = 1e-10  # singular values below this share of the first are zero, unless the caller says otherwise
 _ROUNDING_TOLERANCE = (
@@ -221,13 +217,11 @@ class TPModel:
         """All vertices in one row, shape (R, ...); the last parameter's index runs fastest."""
         return self.vertices.reshape(-1, *self.errors.shape)
 
-    def weights_at(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> list[Array]:
-        """Interpolate the weights.
+    def weights_at(self, *parameters: ArrayLike) -> list[Array]:
+        """Interpolate the weights linearly, which keeps them convex: their sum is 1, none is negative.
 
         Args:
             parameters: One array for each parameter, within the grids.
-            interpolation: ``linear`` keeps the weights convex: their sum is 1, none is negative. ``cubic`` (spline) is
-                closer to the sampled function between nodes and keeps the sum, but may leave [0, 1] slightly there.
 
         Returns:
             For each parameter the weights, the shape of its array and then (v_k,).
@@ -243,16 +237,13 @@ class TPModel:
             _inside(g, np.asarray(p, dtype=np.float64), k)
             for k, (g, p) in enumerate(zip(self.grids, parameters, strict=True))
         ]
-        if interpolation == "cubic":
-            return [np.asarray(spline(p)) for spline, p in zip(self._splines, at, strict=True)]
         return [_linear(g, w, p) for g, w, p in zip(self.grids, self.weights, at, strict=True)]
 
-    def evaluate(self, *parameters: ArrayLike, interpolation: Literal["linear", "cubic"] = "linear") -> Array:
+    def evaluate(self, *parameters: ArrayLike) -> Array:
         """Evaluate S on the domain.
 
         Args:
             parameters: One array for each parameter, broadcast together.
-            interpolation: As of :meth:`weights_at`.
 
         Returns:
             The matrices: the shape of the parameters, then that of the matrix.
@@ -260,19 +251,13 @@ class TPModel:
         Raises:
             InputError: As of :meth:`weights_at`.
         """
-        weights = self.weights_at(*np.broadcast_arrays(*parameters), interpolation=interpolation)
+        weights = self.weights_at(*np.broadcast_arrays(*parameters))
         shape = weights[0].shape[:-1]
         rows = [w.reshape(-1, w.shape[-1]) for w in weights]
         answer = np.tensordot(rows[0], self.vertices, axes=1)
         for row in rows[1:]:
             answer = np.einsum("nv,nv...->n...", row, answer)
         return np.asarray(answer.reshape((*shape, *self.errors.shape)))
-
-    @cached_property
-    def _splines(self) -> list[CubicSpline]:
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and a diagnosis imports this module
-
-        return [CubicSpline(g, w) for g, w in zip(self.grids, self.weights, strict=True)]
 
 
 def transform(

@@ -15,8 +15,8 @@ from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, paired_clocks, repeated_clocks
 from pneucli.init.column_names import read_names, signal_scores
 from pneucli.init.role_evidence import looks_set, supply_like
+from pneucli.init.survey import long_table, runs_below_one_another, runs_beside_one_another, with_validity
 from pneucli.init.survey_types import Column
-from pneucli.init.table_shapes import long_table, runs_below_one_another, runs_beside_one_another, with_validity
 from pneucli.init.units import pressure_reference
 from pneucli.io.formats import is_text, open_raw
 from pneucli.io.raw_file import Channel, ColumnRequest, RawFile

@@ -22,21 +22,13 @@ def test_between_nodes_linear_weights_stay_convex(at):
         assert weights.sum() == pytest.approx(1, abs=1e-12)
 
 
-@given(at=inside)
-@settings(deadline=None)
-def test_between_nodes_cubic_weights_still_sum_to_one(at):
-    for weights in MODEL_D.weights_at(*at, interpolation="cubic"):
-        assert weights.sum() == pytest.approx(1, abs=1e-12)
-
-
 def test_errors_between_nodes_are_those_measured():
-    # 137 nodes: linear 2e-3, cubic 4e-6 of the range (measured, recorded with the reference cases)
+    # 137 nodes: 2e-3 of the range (measured, recorded with the reference cases)
     grid = (CASES["c"].grids[0],)
     model = transform(sample(damping, grid), grid)
     v = np.linspace(-0.05, 0.05, 5001)
-    error = {kind: np.abs(model.evaluate(v, interpolation=kind) - damping(v)).max() for kind in ("linear", "cubic")}
-    assert error["linear"] / np.ptp(damping(v)) == pytest.approx(2e-3, rel=0.5)
-    assert error["cubic"] / np.ptp(damping(v)) < 1e-5
+    error = np.abs(model.evaluate(v) - damping(v)).max()
+    assert error / np.ptp(damping(v)) == pytest.approx(2e-3, rel=0.5)
 
 
 def test_parameters_broadcast_and_the_matrix_comes_last():
