@@ -88,9 +88,8 @@ from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.estimation.intervals import with_intervals
 from pneucli.identify.estimation.model_fit import fit_model, fit_with_effect
 from pneucli.physics.effects import catalogue_with_sides
-from pneucli.plan.bench import LOOP_RANGE, Bench, described_benches
+from pneucli.plan.bench import LOOP_RANGE, Bench, Manoeuvre, Outcome, described_benches
 from pneucli.plan.limits import SHIFTED_BEST, Limits, Safety, limits_of, violations
-from pneucli.plan.manoeuvre import Manoeuvre, Outcome
 from pneucli.plan.manoeuvres import candidate_manoeuvres, draw_programme
 from pneucli.quantities import Z95
 from pneucli.stages.plan import commands_csv

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
 from pneucli.compare import ChannelResult, Comparison, compare, overall_error
-from pneucli.compare.beyond_fitted import excess_beyond_fitted
+from pneucli.compare.error_regions import excess_beyond_fitted
 from pneucli.compare.expected_error import ExpectedError, combined_distribution, expected_errors
 from pneucli.compare.goodness_of_fit import (
     SegmentSquares,

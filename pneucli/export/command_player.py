@@ -14,7 +14,7 @@ from pathlib import Path
 from pneucli.export import structured_text
 from pneucli.export.controller_program import fill_template
 from pneucli.io.artifacts import write_text
-from pneucli.plan.manoeuvre import Profile, hold, ramp
+from pneucli.plan.bench import Profile, hold, ramp
 from pneucli.version import __version__
 
 NO_LIMIT = 1e30

@@ -12,8 +12,7 @@ from urllib.parse import quote
 
 from pneucli.config import FleetConfig
 from pneucli.figure import to_answer, to_json
-from pneucli.fleet.dataset import Trend
-from pneucli.fleet.row_files import RowResult
+from pneucli.fleet.row_files import RowResult, Trend
 from pneucli.io.artifacts import write_text
 from pneucli.messages.changes import Change
 from pneucli.messages.fleet import Answer

@@ -22,25 +22,30 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.executors import Engine, Outcome, engine_from, run_jobs
 from pneucli.fleet import row as fleet_row
-from pneucli.fleet.dataset import COLUMNS, PART_FILE, TRENDS, Trend, parameter_trends, write_datasets, write_trends
 from pneucli.fleet.row import Job, ProgramMismatchError
 from pneucli.fleet.row_files import (
+    COLUMNS,
+    PART_FILE,
+    TRENDS,
     FleetRow,
     RowResult,
+    Trend,
     failure_result,
+    parameter_trends,
     raw_file_names,
     read_results,
     read_rows,
     require_columns,
     row_pipeline,
+    write_datasets,
     write_result,
+    write_trends,
 )
 from pneucli.io.artifacts import Provenance, sha256_of
 from pneucli.io.result_store import is_remote, mirror_folder, store_at
 from pneucli.messages.fleet import Answer, Failures, HealthySpread, RigChanges, progress_text
-from pneucli.pipeline import folders
 from pneucli.pipeline.graph import NO_PROGRESS, Progress
-from pneucli.pipeline.manifest import program_versions
+from pneucli.pipeline.manifest import folder_lock, program_versions
 from pneucli.quantities import Z95
 
 
@@ -115,7 +120,7 @@ def run(
 
     """
     fleet = Fleet(config, out)
-    with folders.folder_lock(Path(out), notify) if fleet.store.folder is not None else nullcontext():
+    with folder_lock(Path(out), notify) if fleet.store.folder is not None else nullcontext():
         begun = time.monotonic()
         if fleet.queue_pending():
             with engine_from(executor, program_versions, preload=fleet_row.__name__) as engine:

@@ -51,7 +51,7 @@ class Parameter:
         step: Smallest change with an effect on the residual, where the effect is not smooth in the parameter.
         direct: Name under which the balance of forces or the flow into the chambers gives a start of its own
             (:func:`pneucli.identify.guesses.direct_friction.direct_friction`,
-            :data:`pneucli.identify.estimation.direct_starts.LATENESS`).
+            :data:`pneucli.identify.estimation.score_test.LATENESS`).
         refines: Whether it stays at ``unrefined`` until a fit shows that it differs or the pipeline file states it.
         unrefined: The value of a parameter that refines the effect and makes nothing vanish; None: its null.
         needs: Signals without which a parameter that refines the effect does not show.

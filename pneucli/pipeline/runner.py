@@ -17,8 +17,8 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError, printable
 from pneucli.imports import load_on_use, paused_collection
 from pneucli.messages.progress import starting
-from pneucli.pipeline import folders, workload
 from pneucli.pipeline import manifest as staleness
+from pneucli.pipeline import workload
 from pneucli.pipeline.graph import NO_PROGRESS, STAGES, Context, NotApplicable, Progress, Stage, Workload, upstream
 from pneucli.pipeline.manifest import Inputs, Manifest, Stamp
 from pneucli.quantities import axis_motion, in_axis_units
@@ -148,13 +148,13 @@ class Pipeline:
         self, targets: list[str], options: Options | None, progress: Progress, notify: Callable[[str], None]
     ) -> dict[str, Done]:
         config = self.validate()
-        folders.require_own_files(self.artifacts, upstream(targets, self.stages))
-        with folders.folder_lock(self.artifacts, notify):
+        staleness.require_own_files(self.artifacts, upstream(targets, self.stages))
+        with staleness.folder_lock(self.artifacts, notify):
             self.require_own_folder()
             if config is not None:
                 self._remember_valid()
             for name in self.stages:
-                folders.recover_folder(self.artifacts, name)
+                staleness.recover_folder(self.artifacts, name)
             verdicts = self._stage_status(targets, options)
             if config is None and any(verdict.reasons for verdict in verdicts.values()):
                 config = self.load(self.path)
@@ -223,7 +223,7 @@ class Pipeline:
                 verdict.manifest.write(self.artifacts / name)
             return Done(verdict.manifest)
         manifest = Manifest(name, verdict.inputs, skipped=self._skipped_parent(name, done))
-        with folders.replace_folder(self.artifacts, name) as out:
+        with staleness.replace_folder(self.artifacts, name) as out:
             if manifest.skipped is None:
                 answers = {n: d.manifest.answer for n, d in done.items() if d.manifest.answer is not None}
                 options, former = {**verdict.inputs.options, **verdict.executor_option}, self.artifacts / name

@@ -10,8 +10,7 @@ import numpy as np
 
 from pneucli.identify.estimation.fit import Fit
 from pneucli.messages.plan import ExceededLimit
-from pneucli.plan.bench import SPEED_FACTOR, USUAL_SPEED, Bench
-from pneucli.plan.manoeuvre import Manoeuvre, Outcome
+from pneucli.plan.bench import SPEED_FACTOR, USUAL_SPEED, Bench, Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.recording import Rig
 from pneucli.simulate.model import Model, has_parameter, parameter_value, with_parameters

@@ -10,11 +10,11 @@ import numpy as np
 
 from pneucli.figure import named
 from pneucli.messages.plan import PlannedRecording, by_hand_text
-from pneucli.plan.bench import Bench, Drive
-from pneucli.plan.limits import Limits
-from pneucli.plan.manoeuvre import (
+from pneucli.plan.bench import (
     GRAVITY,
     SETTLING_TIME,
+    Bench,
+    Drive,
     Manoeuvre,
     ManoeuvreKind,
     Profile,
@@ -24,6 +24,7 @@ from pneucli.plan.manoeuvre import (
     shifted,
     sine,
 )
+from pneucli.plan.limits import Limits
 from pneucli.plan.simulation import start_of
 from pneucli.simulate.model import Model
 

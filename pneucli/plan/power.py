@@ -26,7 +26,7 @@ from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.messages.plan import GOOD_POWER, Power
 from pneucli.physics.declaration import Effect, consists_of_times
 from pneucli.physics.sides import declared_name
-from pneucli.plan.manoeuvre import Manoeuvre, Outcome
+from pneucli.plan.bench import Manoeuvre, Outcome
 from pneucli.plan.simulation import simulate_manoeuvre, synthetic_recording
 from pneucli.simulate.model import Model, parameter_value, with_effect
 from pneucli.simulate.preparation import prepare

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneucli.messages.diagnose import Answer, CandidateAnswer
-from pneucli.plan.bench import Bench, recorded_benches
+from pneucli.plan.bench import Bench, Manoeuvre, recorded_benches
 from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.manoeuvre import Manoeuvre
 from pneucli.plan.manoeuvres import candidate_manoeuvres
 from pneucli.plan.simulation import simulate_manoeuvre
 from pneucli.simulate.experiment import Experiment

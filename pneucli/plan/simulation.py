@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array, read_only
-from pneucli.plan.bench import Bench, State
-from pneucli.plan.manoeuvre import Manoeuvre, Outcome, sample
+from pneucli.plan.bench import Bench, Manoeuvre, Outcome, State, sample
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
 from pneucli.simulate.kernel_settings import max_motion_step

@@ -26,8 +26,8 @@ from pneucli.closed_loop.log_replay import (
 from pneucli.closed_loop.metrics import evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Run, replay_log, replay_states
 from pneucli.compare import Comparison, compare, find_error_regions, overall_error
-from pneucli.compare.beyond_fitted import beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import Correlation, evaluate_channel, residual_correlations
+from pneucli.compare.error_regions import beyond_fitted, excess_beyond_fitted
 from pneucli.compare.expected_error import ExpectedError, expected_errors
 from pneucli.compare.goodness_of_fit import (
     excused_error,

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from pneucli.compare.beyond_fitted import beyond_fitted
+from pneucli.compare.error_regions import beyond_fitted
 from pneucli.config.recording_sources import plugin_files
 from pneucli.diagnose import executor_refit
 from pneucli.diagnose.adequacy import LackOfFit, within_parameter_uncertainty

@@ -13,8 +13,7 @@ from pneucli.identify.estimation.intervals import draw_parameters, with_interval
 from pneucli.identify.estimation.model_fit import fit_model
 from pneucli.identify.estimation.parameters import FreeParameter
 from pneucli.identify.friction.identification import FrictionIdentification, identify_friction
-from pneucli.identify.guesses.chamber_balance import Chamber
-from pneucli.identify.guesses.flow_paths import as_valve_test, valve_driven
+from pneucli.identify.guesses.flow_paths import Chamber, as_valve_test, valve_driven
 from pneucli.identify.guesses.null_command import drifting_recordings
 from pneucli.identify.residuals import with_channel_weights
 from pneucli.identify.valve.charge_budget import with_budgets

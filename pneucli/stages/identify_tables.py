@@ -15,8 +15,7 @@ from pneucli.identify.estimation.fit import Estimate, Fit, Iteration
 from pneucli.identify.estimation.intervals import parameter_correlation, sensitivities
 from pneucli.identify.friction.identification import FrictionIdentification
 from pneucli.identify.residuals import ResidualModel
-from pneucli.identify.valve.identification import ValveIdentification, known_vessel_volume
-from pneucli.identify.valve.lack_of_fit import LackOfFit
+from pneucli.identify.valve.identification import LackOfFit, ValveIdentification, known_vessel_volume
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
 from pneucli.messages.identify import (

@@ -36,10 +36,9 @@ from pneucli.physics.declaration import Effect
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import digest
-from pneucli.plan.bench import LOOP_RANGE_UNKNOWN, Bench, described_benches, recorded_benches
+from pneucli.plan.bench import LOOP_RANGE_UNKNOWN, Bench, Manoeuvre, described_benches, recorded_benches, sample
 from pneucli.plan.first import MODEL_ERROR, extreme_models, sample_residual_models, typical_model, with_typical_spread
 from pneucli.plan.limits import BEST_MODEL, Limits, Refused, Safety, limits_of, models_to_check
-from pneucli.plan.manoeuvre import Manoeuvre, sample
 from pneucli.plan.manoeuvres import (
     CHANGE_OVER_TIME,
     SPEED_SHARE,

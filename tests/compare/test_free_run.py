@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pneucli.compare import compare
-from pneucli.compare.beyond_fitted import BeyondFitted, beyond_fitted, excess_beyond_fitted
 from pneucli.compare.channel_errors import Comparison, channel_result
+from pneucli.compare.error_regions import BeyondFitted, beyond_fitted, excess_beyond_fitted
 from pneucli.compare.goodness_of_fit import exceeds_limit, free_runs, judge_with_free_runs, worst_channel
 from pneucli.messages.compare import LackOfFit
 from pneucli.noise import NoiseModel

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, write_players
-from pneucli.plan.manoeuvre import hold, ramp, sample, sine
+from pneucli.plan.bench import hold, ramp, sample, sine
 
 LIMITS = PlayerLimits(
     null=5.0, command=4.0, position=(0.01, 0.19), pressure=8e5, soft_start=0.1, max_speed=0.2, mirrored=True

@@ -12,7 +12,7 @@ import pytest
 from pneucli.controller.laws import LAWS
 from pneucli.export import export_files, structured_text
 from pneucli.export.command_player import PlayedRecording, PlayerLimits, player_text
-from pneucli.plan.manoeuvre import hold
+from pneucli.plan.bench import hold
 from tests.design import axis
 
 blark = pytest.importorskip("blark.parse", reason="needs blark")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from pneucli.figure import read
-from pneucli.fleet.dataset import Trend, find_change_points, parameter_trends, robust_scatter
 from pneucli.fleet.output import page_data, to_html, to_openmetrics
-from pneucli.fleet.row_files import RowResult
+from pneucli.fleet.row_files import RowResult, Trend, find_change_points, parameter_trends, robust_scatter
 from pneucli.messages.fleet import Answer
 
 RNG = np.random.default_rng(1)

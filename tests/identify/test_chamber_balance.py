@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.guesses.chamber_balance import (
+from pneucli.identify.guesses.flow_paths import (
     measured_gas,
     modelled_gas,
     pressure_deviation,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.direct_starts import direct_base_friction, direct_guesses
 from pneucli.identify.estimation.model_fit import fit_model
+from pneucli.identify.estimation.score_test import direct_base_friction, direct_guesses
 from pneucli.identify.guesses.base_model import guess_base_model, guess_friction
 from pneucli.identify.guesses.direct_friction import (
     ForceSamples,

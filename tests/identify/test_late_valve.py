@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.estimation.direct_starts import late_valve
 from pneucli.identify.estimation.model_fit import fit_model
-from pneucli.identify.estimation.score_test import score_tests
+from pneucli.identify.estimation.score_test import late_valve, score_tests
 from pneucli.identify.guesses.base_model import guess_base_model
 from pneucli.identify.residuals import residual_models
 from pneucli.physics.effects import catalogue

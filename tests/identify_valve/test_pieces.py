@@ -9,8 +9,7 @@ import pytest
 
 from pneucli.identify.estimation.model_fit import free_parameters
 from pneucli.identify.residuals import ChamberPressures
-from pneucli.identify.valve import lack_of_fit
-from pneucli.identify.valve.lack_of_fit import LackOfFit, MeasuredGradient
+from pneucli.identify.valve.identification import LackOfFit, MeasuredGradient, lack_of_fit
 from pneucli.identify.valve.model_gradient import (
     REPEATABILITY,
     Coverage,
@@ -192,7 +191,7 @@ def passed(u: list[float], p: list[float], remaining: list[float], noise: float 
     """The lack of fit of a recording in which this remains of the pressure, a reading every 0.1 s."""
     size = len(u)
     arrays = np.array(remaining), np.full(size, noise), drift * np.arange(size), np.ones(size)
-    return lack_of_fit.lack_of_fit(LAW, [MeasuredGradient(went(np.array(u), np.array(p)), *arrays, NONE)])
+    return lack_of_fit(LAW, [MeasuredGradient(went(np.array(u), np.array(p)), *arrays, NONE)])
 
 
 def test_a_cell_has_the_slope_of_what_remains_of_the_pressure_while_it_was_visited() -> None:

@@ -18,7 +18,7 @@ from pneucli.fleet.row_files import FleetRow, result_from_diagnosis
 from pneucli.messages import plan, run
 from pneucli.messages.diagnose import REJECTION_REASONS, Answer, CandidateAnswer, reason_sentence, verdict_sentence
 from pneucli.messages.findings import OTHERS, VALVE
-from pneucli.plan.manoeuvre import ManoeuvreKind
+from pneucli.plan.bench import ManoeuvreKind
 from pneucli.report.page import to_html
 from pneucli.report.sections.diagnosis import section as diagnosis
 from pneucli.report.summaries import to_markdown

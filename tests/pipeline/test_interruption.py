@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from pneucli.errors import InputError
-from pneucli.pipeline import folders
-from pneucli.pipeline.folders import LOCK_FILE, folder_lock
+from pneucli.pipeline import manifest as folders
+from pneucli.pipeline.manifest import LOCK_FILE, folder_lock
 from tests.pipeline.toys import generations, is_whole, new, runs, toy
 
 ROOT = Path(__file__).parents[2]

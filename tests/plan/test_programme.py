@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pneucli.plan.bench import described_benches
+from pneucli.plan.bench import Manoeuvre, Outcome, described_benches, duration_of, hold, ramp, sample, sine
 from pneucli.plan.limits import Limits, limits_of, violations
-from pneucli.plan.manoeuvre import Manoeuvre, Outcome, duration_of, hold, ramp, sample, sine
 from pneucli.plan.manoeuvres import candidate_manoeuvres, cost_of, draw_programme, manual_manoeuvres
 from pneucli.recording import Rig
 

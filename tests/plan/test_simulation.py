@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from pneucli.physics.effects import catalogue
-from pneucli.plan.bench import Bench, described_benches
+from pneucli.plan.bench import Bench, Manoeuvre, described_benches, sample
 from pneucli.plan.first import typical_model
 from pneucli.plan.limits import limits_of, violations
-from pneucli.plan.manoeuvre import Manoeuvre, sample
 from pneucli.plan.manoeuvres import SPEED_SHARE, candidate_manoeuvres, manual_manoeuvres
 from pneucli.plan.simulation import needed_force, simulate_manoeuvre, synthetic_recording
 from pneucli.recording import Rig

@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.figure import read
 from pneucli.messages.plan import Answer
-from pneucli.plan.manoeuvre import Outcome
+from pneucli.plan.bench import Outcome
 from pneucli.plan.power import Difference, Prediction
 from pneucli.report.plan_page import plan_page
 from tests.messages.stored_calls import stored

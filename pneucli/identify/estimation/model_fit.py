@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array
 from pneucli.errors import InputError
 from pneucli.identify.estimation.blocks import copy_nonzero, residual_counts, residual_slices
-from pneucli.identify.estimation.direct_starts import direct_base_friction, direct_guesses
 from pneucli.identify.estimation.fit import (
     FULL_CONVERGENCE,
     NO_ITERATION,
@@ -30,7 +29,14 @@ from pneucli.identify.estimation.parameters import (
     base_parameters,
     effect_parameters,
 )
-from pneucli.identify.estimation.score_test import ScoreTest, residual_changes, scaled_initial_guess, score_tests
+from pneucli.identify.estimation.score_test import (
+    ScoreTest,
+    direct_base_friction,
+    direct_guesses,
+    residual_changes,
+    scaled_initial_guess,
+    score_tests,
+)
 from pneucli.identify.guesses.valve_areas import guess_overlap
 from pneucli.identify.residuals import ResidualModel
 from pneucli.physics.declaration import Effect, Parameter, consists_of_times

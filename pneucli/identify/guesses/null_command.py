@@ -12,8 +12,14 @@ import numpy as np
 
 from pneucli.arrays import Array, Mask
 from pneucli.errors import InputError
-from pneucli.identify.guesses.chamber_balance import PRESSURE_SIGNALS, Chamber
-from pneucli.identify.guesses.flow_paths import FlowPathData, flow_path_data, mass_flux, valve_driven
+from pneucli.identify.guesses.flow_paths import (
+    PRESSURE_SIGNALS,
+    Chamber,
+    FlowPathData,
+    flow_path_data,
+    mass_flux,
+    valve_driven,
+)
 from pneucli.recording import Recording, Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.experiment import Experiment

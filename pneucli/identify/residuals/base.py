@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array
 from pneucli.caches import compiled
-from pneucli.identify.guesses.chamber_balance import Chamber
-from pneucli.identify.guesses.flow_paths import opening_from_null
+from pneucli.identify.guesses.flow_paths import Chamber, opening_from_null
 from pneucli.physics.declaration import Effect
 from pneucli.physics.ports import Balance
 from pneucli.quantities import SIGNALS

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from pneucli.arrays import Array, read_only
 from pneucli.caches import compiled
-from pneucli.identify.guesses.chamber_balance import (
+from pneucli.identify.guesses.flow_paths import (
     Chamber,
     ChamberGas,
     modelled_gas,
+    opening_from_null,
     pressure_deviation,
     sensor_error_deviation,
 )
-from pneucli.identify.guesses.flow_paths import opening_from_null
 from pneucli.identify.residuals.base import (
     DiscrepancyTerm,
     Places,
