@@ -75,7 +75,7 @@ KERNELS = {
     ("simulate/derivatives.py", "derivatives"),
     ("simulate/outputs.py", "required_force"),
     ("simulate/outputs.py", "_force_residual"),
-    ("residuals/force_balance.py", "balance"),
+    ("residuals/chambers.py", "balance"),
 }  # what calls compiled equations
 
 

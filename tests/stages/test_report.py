@@ -136,14 +136,9 @@ FOR_PROGRAMS = {
     *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py"),
     *("exam/grades.py", "executors.py", "export/fmu/package.py", "export/fmu/plant.py"),
     *("fleet/output.py", "io/file_units.py", "stages/plan_take.py", "workbench/bench.py"),
-    *(
-        "stages/history.py",
-        "identify/valve/charge_budget.py",
-        "simulate/valve_forms.py",
-        "stages/flow_bench.py",
-        "stages/diagnosis_answer.py",
-    ),  # names of rows
-    *("stages/identify_tables.py", "tp/model.py", "tp/sampling.py", "tp/scattered.py", "tp/weights.py"),
+    *("stages/history.py", "stages/flow_bench.py", "stages/diagnosis_answer.py"),  # names of rows
+    *("identify/valve/charge_budget.py", "simulate/valve_forms.py"),
+    *("stages/identify_tables.py", "tp/model.py", "tp/sampling.py", "tp/weights.py"),
     "messages/formatting.py",
 }
 
