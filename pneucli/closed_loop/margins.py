@@ -26,6 +26,7 @@ from pneucli.controller.codegen import operate
 from pneucli.controller.laws import LAWS
 from pneucli.controller.parameters import Controller
 from pneucli.design.bandwidths import loop_timing
+from pneucli.design.effect_compensation import opening_after
 from pneucli.design.requirements import Requirements
 from pneucli.messages.design import LoopMargins
 from pneucli.physics.declaration import Effect
@@ -160,11 +161,10 @@ def _has_play(model: Model, effect: Effect) -> bool:
     top, own = max((abs(c) for c in model.valve.commands), default=1.0), model.effect_parameters(effect)
 
     def opened(size: float) -> Array:
-        s, out = 0.0, []
+        states, out = (0.0, 0.0), []
         for k in range(60):
-            given: tuple[float, float] = effect.ports["command"](0.5 * top + size * (k == 50), s, 1e-3, *own)  # type: ignore[assignment]
-            s = given[1]
-            out.append(given[0])
+            opening, states = opening_after(effect, 0.5 * top + size * (k == 50), states, 1e-3, own)
+            out.append(opening)
         return np.array(out[50:])
 
     def answer(size: float) -> Array:

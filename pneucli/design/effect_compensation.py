@@ -6,7 +6,7 @@ The source of each equation is that of the effect (docs/effects.md).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -281,13 +281,33 @@ def _max_slope(u: Array, opening: Array) -> float:
 
 def _opening_response(effects: SpoolEffects, commands: Array, step: float) -> Array:
     """Return the openings in V after each of the ``commands`` (V), each held for ``step`` (s)."""
-    states, opened = [float(commands[0])] * len(effects), np.zeros(commands.size)
+    states, opened = [2 * (float(commands[0]),)] * len(effects), np.zeros(commands.size)
     for k, command in enumerate(commands.tolist()):
         u = command
         for i, (effect, parameters) in enumerate(effects):
-            u, states[i] = effect.ports["command"](u, states[i], step, *parameters)  # type: ignore[misc]
+            u, states[i] = opening_after(effect, u, states[i], step, parameters)
         opened[k] = u
     return opened
+
+
+def opening_after(
+    effect: Effect, u: float, states: tuple[float, float], step: float, parameters: Sequence[float]
+) -> tuple[float, tuple[float, float]]:
+    """Return the mean opening in V over a step (s) under a command u (V), and the states after it.
+
+    Args:
+        effect: An effect between command and opening.
+        u: Command in V.
+        states: Of the opening and of what drives it, in V.
+        step: Step in s.
+        parameters: The effect's parameters.
+
+    """
+    opening, driven = states
+    if "drive" in effect.ports:
+        u, driven = effect.ports["drive"](u, driven, opening, step, *parameters)  # type: ignore[misc]
+    u, opening = effect.ports["command"](u, opening, step, *parameters)  # type: ignore[misc]
+    return u, (opening, driven)
 
 
 def _product(model: Model, port: str, *arguments: float) -> float:

@@ -48,6 +48,12 @@ PORTS: dict[str, Port] = {
         "gas",
         "V: the command of the opening that a loop of the valve makes of u and its p",
     ),
+    "drive": Port(
+        ("u", "s", "opening", "h"),
+        "state",
+        "gas",
+        "V: the command that the effect's own opening follows at its port command",
+    ),
     "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
     "switched": Port(
         ("position", "s", "h"),

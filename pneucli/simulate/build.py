@@ -60,6 +60,7 @@ ENTRY_POINTS = (
     "run_gradient",
 )
 
+PRECEDING = {"command": "drive"}  # a port of the same effect that acts just before
 CALLED = ("advance",)  # twice, and too long to be inlined twice
 
 # the kernel of dual numbers: a recording whose motion is given, from what its gas depends on
@@ -211,7 +212,8 @@ def source(
         _constants(),
         _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
-        *(_port(name, effects) for name in [*PORTS, "has_heat", "has_slowing", "has_switched", "has_filling"]),
+        *(_port(name, effects) for name in PORTS if name not in PRECEDING.values()),
+        *(_port(name, effects) for name in ("has_heat", "has_slowing", "has_switched", "has_filling")),
         _scalars(effects),
         physics,
     ]
@@ -298,7 +300,10 @@ def _port(name: str, effects: Sequence[Effect]) -> str:
     begins = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
     users = [i for i, effect in enumerate(effects) if name in effect.ports]
     for i in reversed(users) if name.startswith("unread") else users:  # an inverse undoes the last first
-        lines += [f"    if on[{i}] != 0:", "        " + _port_contribution(name, effects[i], i, begins[i], value)]
+        acting = [p for p in (PRECEDING.get(name), name) if p in effects[i].ports]
+        states = f"s[{i}]", f"s[{len(effects) + 1 + i}]"
+        lines += [f"    if on[{i}] != 0:"]
+        lines += ["        " + _port_contribution(p, effects[i], states, begins[i], value) for p in acting]
     return "\n".join([*lines, f"    return {value}"])
 
 
@@ -311,16 +316,17 @@ def _scalars(effects: Sequence[Effect]) -> str:
     return "def scalars(base, th, on):\n    return " + ", ".join(tuples)
 
 
-def _port_contribution(name: str, effect: Effect, i: int, begin: int, value: str) -> str:
+def _port_contribution(name: str, effect: Effect, states: tuple[str, str], begin: int, value: str) -> str:
     port = PORTS[name]
-    arguments = [f"s[{i}]" if a == "s" else a for a in port.arguments]
+    own, other = states if name not in PRECEDING.values() else states[::-1]
+    arguments = [{"s": own, "opening": other}.get(a, a) for a in port.arguments]
     arguments += [f"th[{begin + j}]" for j in range(len(effect.parameters))]
     call = f"{_prefix(effect)}__{effect.ports[name].__name__}({', '.join(arguments)})"
     return {
         "sum": f"total += {call}",
         "factor": f"total *= {call}",
         "chain": f"{value} = {call}",
-        "state": f"{value}, s[{i}] = {call}",
+        "state": f"{value}, {own} = {call}",
     }[port.combine]
 
 

@@ -20,8 +20,9 @@ def signature(gain: float) -> Any:
 def screened(**gains: float) -> set[str]:
     """The effects that are refitted, of those with such gains predicted, which act in every residual."""
     ranked = sorted(gains.items(), key=lambda one: -one[1])
-    found = rounds.score_test_screen(DATA, DATA.model_with([]), [(DATA.effects[n], [signature(g)]) for n, g in ranked])
-    return {e.name for e, _ in found}
+    signatures = [(DATA.effects[n], [signature(g)]) for n, g in ranked]
+    first, _ = rounds.score_test_screen(DATA, DATA.model_with([]), signatures)
+    return {e.name for e, _ in first}
 
 
 DATA = synthetic_data([effect(name) for name in "abcdefgh"], Facts(10.0, alone(a=0.3, b=0.28, c=0.2)))
@@ -68,3 +69,13 @@ def test_the_best_candidates_are_refitted_to_convergence_and_all_are_ranked_by_c
     decisions = rounds.screen_and_refit(data, data.model_with([]))
     assert [d.effect.name for d in decisions if d.candidate is not None] == ["a", "b", "c"]
     assert converged == ["a", "b"]
+
+
+@pytest.mark.parametrize(("at_bound", "refitted"), [("abc", "abcdef"), ("ab", "abc")])
+def test_where_none_of_the_best_passes_the_next_three_are_refitted(at_bound: str, refitted: str):
+    predicted = {name: 0.9 - 0.1 * i for i, name in enumerate("abcdefgh")}
+    facts = Facts(10.0, alone(a=0.1, b=0.1, c=0.1, e=0.6), predicted=predicted, at_bound=frozenset(at_bound))
+    data = synthetic_data([effect(name) for name in "abcdefgh"], facts)
+    decisions = rounds.screen_and_refit(data, data.model_with([]))
+    assert {d.effect.name for d in decisions if d.candidate is not None} == set(refitted)
+    assert [d.effect.name for d in decisions if d.supported] == (["e"] if "c" in at_bound else ["c"])

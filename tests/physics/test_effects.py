@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lti
 
+from pneucli.design.effect_compensation import opening_after
 from pneucli.errors import InputError
 from pneucli.exam.hidden_effects import BY_NAME
 from pneucli.exam.rig.kernel import valve_area
@@ -343,3 +345,14 @@ def test_a_bad_plugin_says_what_is_wrong(tmp_path: Path, text: str | None, messa
 def test_an_unknown_effect_is_refused_with_the_closest_name() -> None:
     with pytest.raises(InputError, match='did you mean "stribeck"'):
         select_effects(["stribek"], catalogue())
+
+
+@pytest.mark.parametrize("roundness", [0.0, 1.0, 2.0])
+def test_the_spool_is_a_filter_of_second_order(roundness: float) -> None:
+    lag, step, time = catalogue()["valve-lag"], 2e-4, 5e-3
+    states, opened = (0.0, 0.0), []
+    for _ in range(200):
+        _, states = opening_after(lag, 1.0, states, step, (time, roundness))
+        opened.append(states[0])
+    exact = lti([1.0], [0.25 * roundness * time**2, time, 1.0]).step(T=step * np.arange(201))[1]
+    assert opened == pytest.approx(exact[1:], abs=0.005)

@@ -240,7 +240,7 @@ def _sources(plant: Plant, where: str, fmi: str) -> dict[str, str]:
     """Return the text of each C file by name, and the token that follows from them."""
     rows, n = _ring_rows(plant), len(plant.effects) + 1
     sizes = {"areas": plant.areas.shape, "areas_2": plant.areas_2.shape, "ring": (rows, RING_COLUMNS)}
-    sizes |= dict.fromkeys(("s1", "s2", "s_supply"), (n,))
+    sizes |= {"s1": (2 * n,), "s2": (2 * n,), "s_supply": (n,)}
     try:
         functions = plant_functions(plant.effects, sizes)
     except ValueError as error:

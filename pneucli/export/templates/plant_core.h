@@ -40,7 +40,7 @@ typedef struct {
     double inputs[N_INPUTS];
     double held[N_INPUTS];   /* inputs at the last event of model exchange */
     double values[N_VALUES];
-    double s[N_STATES], s1[N_EFFECTS], s2[N_EFFECTS], s_supply[N_EFFECTS];
+    double s[N_STATES], s1[2 * N_EFFECTS], s2[2 * N_EFFECTS], s_supply[N_EFFECTS];
     double ring[RING_ROWS * RING_COLUMNS];
 } Plant;
 

@@ -187,7 +187,7 @@ def run_gradient(u, p, p_supply, base_values, th_values, on_values, u_max, areas
     p_amb, volume = base[AMBIENT], base[DEAD_1] + volume_1(th, on)
     k_gas = flow_constant(base[GAS], base[TEMP], base[GAMMA])
     b, leak = critical_ratio(base[CRITICAL], th, on), leak_area(th, on)
-    spool = np.zeros(on_values.size)
+    spool = np.zeros(2 * on_values.size)
     for i in range(u.size):
         true = unread_p1(p[i], p_amb, th, on)
         asked = demand(u[i], true, p_amb, th, on)

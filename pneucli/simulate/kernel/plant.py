@@ -51,7 +51,9 @@ def plant_start(start, inputs, flags, s, s1, s2, s_supply, ring, base, th, on):
     for i in range(PLANT_STATES):
         s[i] = 0.0
     for i in range(s1.size):
-        s1[i], s2[i], s_supply[i] = start[START_U], start[START_U2], 0.0
+        s1[i], s2[i] = start[START_U], start[START_U2]
+    for i in range(s_supply.size):
+        s_supply[i] = 0.0
     for i in range(ring.shape[0]):
         ring[i, 0] = -1e30
         for j in range(1, ring.shape[1]):

@@ -150,8 +150,8 @@ def advance(time, inputs, true, restarts, base_values, th_values, on_values, fla
         ring[i, 0] = -1e30
     head, tail, tail_2 = 0, ring.shape[0] - 1, ring.shape[0] - 1
     flowed_before = flags[INITIAL_U] != 0.0 or flags[INITIAL_U2] != 0.0
-    s1, s2, s_supply = new_array((on_values.size,)), new_array((on_values.size,)), new_array((on_values.size,))
-    for i in range(on_values.size):
+    s1, s2, s_supply = new_array((2 * on_values.size,)), new_array((2 * on_values.size,)), new_array((on_values.size,))
+    for i in range(s1.shape[0]):
         s1[i], s2[i] = flags[INITIAL_U], flags[INITIAL_U2]
     before = new_array((2,))
 
