@@ -633,7 +633,7 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
     ("form", "clock"),
     [
         *(("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")),
-        *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time")),
+        *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time"), ("hits", "time")),
     ],
 )
 def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
@@ -652,6 +652,9 @@ def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_pa
         "pandas by row": {str(a): {"valve_V": b, "p1_bar": c} for a, b, c in np.column_stack([t, u, p]).tolist()},
         "numbered fields": {"channel": {"name": "rig", "field1": "valve_V", "field2": "p1_bar"}, "feeds": [
             {"time": a, "field1": b, "field2": c} for a, b, c in np.column_stack([t, u, p]).tolist()]},
+        "hits": {"took": 12, "hits": {"total": {"value": 50}, "hits": [
+            {"_index": "rig", "_source": {"time": a, "valve_V": b, "p1_bar": c}, "sort": [a]}
+            for a, b, c in np.column_stack([t, u, p]).tolist()]}},
     }  # fmt: skip
     found = guessed(written(tmp_path, json.dumps(forms[form]), "a.json"))
     text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
