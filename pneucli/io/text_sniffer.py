@@ -34,7 +34,7 @@ from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimensio
 
 MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
-MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
+MAX_HEADER_LINES = 4  # lines right above the rows, one of which names the columns
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
 MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
 MIN_USUAL_SHARE = 0.5  # of the lines of a table, that are as wide: else they are a log of sentences
