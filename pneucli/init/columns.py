@@ -114,17 +114,15 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
     guesses = _motion_of_x(
         _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
     )
-    return [
-        replace(
-            one,
-            note="; ".join(filter(None, (why.get(n), one.note))),
-            rival="" if n in why else rival.get(n, ""),
-            only_pressure=n in single,
-        )
-        if one.signal
-        else one
-        for n, one in enumerate(guesses)
-    ]
+    return [_with_reasons(one, why.get(n, ""), rival.get(n, ""), n in single) for n, one in enumerate(guesses)]
+
+
+def _with_reasons(one: Guess, why: str, rival: str, only_pressure: bool) -> Guess:
+    """Return a guess with what else speaks for it; a rival counts where nothing else does."""
+    if not one.signal:
+        return one
+    note = "; ".join(filter(None, (why, one.note)))
+    return replace(one, note=note, rival="" if why else rival, only_pressure=only_pressure)
 
 
 def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:

@@ -350,8 +350,8 @@ class _DelimitedTable:
     def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
         comments = [_BEFORE_NAMES.sub("", line) for line in self._lines[:start] if _is_comment(line)]
-        cuts = [TextLayout("", mark, "", 0, ()) for mark in (self.delimiter, ",")]  # blanks may cut the rows alone
-        cut = [one.split(line) for line in comments for one in cuts]
+        own, commas = (TextLayout("", mark, "", 0, ()) for mark in (self.delimiter, ","))
+        cut = [*map(own.split, comments), *map(commas.split, comments[-1:])]  # blanks may cut the rows alone
         fitting = [fields for fields in cut if len(fields) == self.width]
         return tuple(fitting[-1]) if fitting and not any(map(is_value, fitting[-1])) else ()
 
