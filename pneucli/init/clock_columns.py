@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -258,9 +259,15 @@ _WORDS = (
     (re.compile(r"(?i)minutes?(?![a-z])|(?<![a-z])mins?(?![a-z])"), "min"),
     (re.compile(r"(?i)(?<![a-z])(?:days?|datenum)(?![a-z])"), "d"),
 )
-Vote = tuple[str, str]  # unit, and why
 AGREE = 2.0  # things that speak for a unit without a doubt
-LIKELIER = "it is the likelier of several units"  # decides where nothing else speaks, and counts for nothing else
+
+
+class Vote(NamedTuple):
+    """A unit that a clock may be in, and why; one of less than a whole vote decides where nothing else speaks."""
+
+    unit: str
+    why: str
+    weight: float = 1.0
 
 
 def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping[str, float]) -> UnitGuess:
@@ -275,23 +282,23 @@ def guess_clock_unit(column: Column, columns: Sequence[Column], scalars: Mapping
         return UnitGuess("s", "CHECK no unit is stated, and the stamps do not tell one: taken for s")
     period, length = float(np.median(np.diff(values))) or float(np.median(steps)), float(np.ptp(values))
     votes = [*_votes(column, columns, scalars, period, length)]
-    count = {one: sum(0.5 if why == LIKELIER else 1.0 for unit, why in votes if unit == one) for one, _ in votes}
+    count = {one.unit: sum(own.weight for own in votes if own.unit == one.unit) for one in votes}
     if not count:
         suits = f"a sample every {format_plain(period, 4)} suits none"
         return UnitGuess("s", f"CHECK no unit is stated, and {suits}: taken for s")
     best = max(count, key=lambda unit: count[unit])
     factor = (CLOCK_UNITS | SLOW_UNITS)[best]
     rate = f"a sample every {format_plain(period, 4)} is taken for {format_plain(1 / (period * factor), 4)} Hz"
-    reasons = dict.fromkeys(reason for unit, reason in votes if unit == best)
-    why = " and ".join([one for one in reasons if one != LIKELIER] or reasons)
+    is_likelier = count[best] < 1.0
+    why = " and ".join(dict.fromkeys(one.why for one in votes if one.unit == best and (is_likelier or one.weight == 1)))
     others = [unit for unit in count if unit != best]
     if count[best] >= AGREE and (not others or count[best] > 2 * max(count[unit] for unit in others)):
         return UnitGuess(best, f"{best}: {why}")
     doubt = f"; {', '.join(others)} is as likely" if others and count[others[0]] == count[best] else ""
-    if why == LIKELIER:
+    if is_likelier:
         rates = {unit: 1 / (period * CLOCK_UNITS[unit]) for unit in _plausible(period, length) if unit != best}
         doubt = f" ({', '.join(f'in {unit} {format_plain(own, 4)} Hz' for unit, own in rates.items())})"
-    asked = why == LIKELIER and counts_rows(column)
+    asked = is_likelier and counts_rows(column)
     return UnitGuess(best, f"CHECK no unit is stated: {rate}, as {why}{doubt}", asked)
 
 
@@ -310,19 +317,19 @@ def _votes(
     values = column.finite_values
     for pattern, unit in _WORDS:
         if pattern.search(column.name):
-            yield unit, "its name says so"
+            yield Vote(unit, "its name says so")
             break
     yield from _date_votes(values, period)
     yield from _second_clock_votes(column, columns)
     if (stated := stated_period(scalars)) is not None:
         near = [u for u, factor in CLOCK_UNITS.items() if abs(period * factor / stated[1] - 1.0) < SAME_RATE]
-        yield from ((unit, f'"{stated[0]}" of the file says so') for unit in near)
+        yield from (Vote(unit, f'"{stated[0]}" of the file says so') for unit in near)
     plausible = _plausible(period, length)
     if len(plausible) == 1:
-        yield plausible[0], "no other unit gives a rate and a duration of recordings"
+        yield Vote(plausible[0], "no other unit gives a rate and a duration of recordings")
     elif plausible and values.size:
         usual = next((unit for unit in plausible if period * CLOCK_UNITS[unit] < 0.6), plausible[0])
-        yield usual, LIKELIER
+        yield Vote(usual, "it is the likelier of several units", 0.5)
 
 
 def _plausible(period: float, length: float) -> list[str]:
@@ -338,12 +345,12 @@ def _date_votes(values: Array, period: float) -> Iterator[Vote]:
     first = float(values[0])
     for unit, factor in CLOCK_UNITS.items():
         if YEARS[0] < first * factor < YEARS[1] and RATES[0] <= 1.0 / (period * factor) <= RATES[1]:
-            yield unit, "only so the stamps are dates of this century, counted from 1970"
-            yield unit, "the rate is one of recordings"
+            yield Vote(unit, "only so the stamps are dates of this century, counted from 1970")
+            yield Vote(unit, "the rate is one of recordings")
     is_day = any(low < first < high for low, high in DAYS)
     if is_day and np.any(values != np.floor(values)) and RATES[0] <= 1.0 / (period * 86_400.0) <= RATES[1]:
-        yield "d", "only so the stamps are dates of this century, as Excel and MATLAB count days"
-        yield "d", "the rate is one of recordings"
+        yield Vote("d", "only so the stamps are dates of this century, as Excel and MATLAB count days")
+        yield Vote("d", "the rate is one of recordings")
 
 
 def epoch_counter(values: Array) -> tuple[str, float, str] | None:
@@ -374,7 +381,7 @@ def _second_clock_votes(column: Column, columns: Sequence[Column]) -> Iterator[V
         for unit in known:
             factor = parse_unit(unit).factor * float(np.ptp(b) / np.ptp(a))
             near = [one for one, size in (CLOCK_UNITS | SLOW_UNITS).items() if abs(factor / size - 1.0) < SAME_RATE]
-            yield from ((one, f'"{other.name}" goes as fast') for one in near)
+            yield from (Vote(one, f'"{other.name}" goes as fast') for one in near)
         if known:
             return
 

@@ -64,7 +64,6 @@ MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was su
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
 SET = ("u", "u2", "x_ref", "p_ref", "p_supply")  # signals that may change between a few values
 SPREAD_ALONE = "CHECK the least or the most of each interval, as its name says, and no reading: export the mean"
-ONLY_PRESSURE = "taken for p1, as no other pressure is recorded"
 MAX_MISSED = 3.8  # factor by which a name's number may miss a reading: bar and psi, the nearest units, are 14.5 apart
 MOTION = ("v", "a")  # of which a column that never changes tells nothing; an x that does not is a place
 
@@ -103,21 +102,27 @@ def guess_columns(surveys: Sequence[Survey]) -> list[Guess]:
         again = (is_copy(found.columns[m].values, found.columns[n].values) for m in kin)
         if n not in taken and signal not in taken.values() and not any(again):
             taken[n] = signal
-    why = rivals(taken, scores, found.columns)
-    why |= {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
+    rival = rivals(taken, scores, found.columns)
+    why = {one.position: one.why for one in seen if taken.get(one.position) == one.signal}
     taken = {n: one for n, one in taken.items() if one not in MOTION or np.ptp(found.columns[n].finite_values) > 0}
     taken = {n: "u" if one == "u2" and "u" not in taken.values() else one for n, one in taken.items()}
     other = _of_another_axis(found.columns, names, taken)
     taken = {n: one for n, one in taken.items() if n not in other}
     why |= {n: SPREAD_ALONE for n, one in taken.items() if one != "time" and is_spread(names[n])}
-    why |= _assign_single_pressure(taken, names) | moves_against(taken, found.columns)
+    single = _assign_single_pressure(taken, names)
+    why |= single | moves_against(taken, found.columns)
     guesses = _motion_of_x(
         _pressures_in_one_unit([_column_guess(surveys, n, taken.get(n, ""), names[n]) for n in range(len(names))])
     )
-    return [
-        replace(one, note="; ".join(filter(None, (why[n], one.note)))) if n in why and one.signal else one
-        for n, one in enumerate(guesses)
-    ]
+    return [_with_reasons(one, why.get(n, ""), rival.get(n, ""), n in single) for n, one in enumerate(guesses)]
+
+
+def _with_reasons(one: Guess, why: str, rival: str, only_pressure: bool) -> Guess:
+    """Return a guess with what else speaks for it; a rival counts where nothing else does."""
+    if not one.signal:
+        return one
+    note = "; ".join(filter(None, (why, one.note)))
+    return replace(one, note=note, rival="" if why else rival, only_pressure=only_pressure)
 
 
 def _pressures_in_one_unit(guesses: Sequence[Guess]) -> list[Guess]:
@@ -201,8 +206,9 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
     if doubt and not found.unit_stated and signal not in COMMANDS:  # a command counts in whatever the bench takes
         written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
-        note = f"CHECK {written}, and in {found.unit} this cannot be: {doubt.partition(': ')[2]}"
+        note = f"CHECK {written}, and in {found.unit} this cannot be: {doubt}"
         return replace(found, note=note, ask_unit=True)
+    doubt = f"CHECK unit and column: {doubt}" if doubt else ""
     return replace(found, note="; ".join(filter(None, (found.note, _marks_note(missing), doubt))))
 
 
@@ -350,5 +356,5 @@ def _assign_single_pressure(taken: dict[int, str], names: Sequence[ColumnName]) 
         if "p1" not in taken.values():
             doubtful = names[n].has(SUPPLY) if taken[n] == "p_supply" else "x" in taken.values()
             taken[n] = "p1"
-            return {n: f"CHECK {ONLY_PRESSURE}"} if doubtful else {}
+            return {n: "CHECK taken for p1, as no other pressure is recorded"} if doubtful else {}
     return {}

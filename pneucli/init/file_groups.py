@@ -13,10 +13,9 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.init.clock_columns import is_increasing
 from pneucli.init.column_names import DOWNSTREAM, UPSTREAM, read_name
-from pneucli.init.columns import ONLY_PRESSURE, guess_columns
-from pneucli.init.role_evidence import BY_ORDER
+from pneucli.init.columns import guess_columns
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import pressure_reference, pressure_reference_from_force, to_si
+from pneucli.init.units import Reference, pressure_reference, pressure_reference_from_force, to_si
 from pneucli.io.clock import continuous_stamps
 from pneucli.io.column_reader import stated_period
 from pneucli.paths import archive_members, natural_order
@@ -63,10 +62,10 @@ def _pressures(survey: Survey, found: Mapping[str, Guess]) -> dict[int, Guess]:
     )
     first, last = taken[order[0]], taken[order[-1]]
     note = "" if names[order[0]].has(UPSTREAM) or names[order[-1]].has(DOWNSTREAM) else "CHECK the higher one"
-    own = [*(part for part in first.note.split("; ") if BY_ORDER not in part), note]
+    note = "; ".join(filter(None, (first.note, note)))
     return {
-        id(first): replace(first, signal="p_supply", note="; ".join(filter(None, own))),
-        id(last): replace(last, signal="p1", note="; ".join(p for p in last.note.split("; ") if BY_ORDER not in p)),
+        id(first): replace(first, signal="p_supply", note=note, rival=""),
+        id(last): replace(last, signal="p1", rival=""),
         **{id(one): replace(one, signal="") for one in taken if one is not first and one is not last},
     }
 
@@ -87,7 +86,7 @@ def _opening(survey: Survey, guesses: Sequence[Guess]) -> dict[int, Guess]:
     one = [*moved, *called][0]
     unit = one.unit or one.column.written
     note = f"CHECK an opening{f' in {unit}' if unit else ''}: its number is the command"
-    return {id(one): replace(one, signal="u", unit="V", scale=1.0, note=note)}
+    return {id(one): replace(one, signal="u", unit="V", scale=1.0, note=note, rival="")}
 
 
 MIN_MOTION_STEPS = 20.0  # times the usual step between samples, that the range of what moves is
@@ -231,28 +230,28 @@ def is_moving(kind: FileGroup, one: Survey) -> bool:
     return values.size > 1 and float(np.ptp(values)) > (2.0 if few else MIN_MOTION_STEPS) * float(np.median(steps))
 
 
-def pressure_references(found: Sequence[FileGroup]) -> dict[str, tuple[str, str]]:
+def pressure_references(found: Sequence[FileGroup]) -> dict[str, Reference]:
     """Return gauge or absolute and the evidence for it, for the unit of each pressure, by unit.
 
     Sensors in one unit count alike unless their names say otherwise; what one of them tells holds for all.
     """
-    references: dict[str, tuple[str, str]] = {}
+    references: dict[str, Reference] = {}
     for kind in found:
         for signal, one in kind.signals.items():
             if not signal.startswith("p"):
                 continue
             columns = [scaled(values, one) for values in kind.raw_numbers(signal)]
             answer = pressure_reference(columns, one.unit, one.reference)
-            if answer[1].startswith("CHECK") and signal == "p1" and "force" in kind.signals:
+            if answer.certainty < 2 and signal == "p1" and "force" in kind.signals:
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer
-            if one.unit not in references or _certainty(answer) > _certainty(references[one.unit]):
+            if one.unit not in references or answer.certainty > references[one.unit].certainty:
                 references[one.unit] = answer
     for kind in found:
         references |= _reference_of_supply(kind, references)
     return references
 
 
-def _reference_of_supply(kind: FileGroup, references: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
+def _reference_of_supply(kind: FileGroup, references: Mapping[str, Reference]) -> dict[str, Reference]:
     """Return the reference of a supply that bounds a chamber of known reference, in a unit of its own, or a doubt."""
     own = [kind.signals.get(name) for name in ("p_supply", "p1")]
     if own[0] is None or own[1] is None or not parse_unit(own[0].unit).factor:
@@ -260,22 +259,18 @@ def _reference_of_supply(kind: FileGroup, references: Mapping[str, tuple[str, st
     custom, known = references[own[0].unit], references[own[1].unit]
     supply = float(np.median(kind.pooled_values("p_supply"))) - float(np.quantile(kind.pooled_values("p1"), 0.99))
     if own[0].unit == own[1].unit:
-        doubt = f"CHECK {known[1].removeprefix('CHECK ')}; p1 rises to 1 bar above p_supply: is one of them gauge?"
-        doubted = "stated" not in known[1] and abs(supply / STANDARD_ATMOSPHERE + 1) < 0.3
-        return {own[0].unit: (known[0], doubt)} if doubted else {}
-    if _certainty(custom) or not _certainty(known):
+        doubt = f"CHECK {known.why.removeprefix('CHECK ')}; p1 rises to 1 bar above p_supply: is one of them gauge?"
+        doubted = not known.stated and abs(supply / STANDARD_ATMOSPHERE + 1) < 0.3
+        return {own[0].unit: Reference(known.kind, doubt, min(known.certainty, 1))} if doubted else {}
+    if custom.certainty or not known.certainty:
         return {}
     off = {
-        one: abs(supply + STANDARD_ATMOSPHERE * ((one == "gauge") - (known[0] == "gauge")))
+        one: abs(supply + STANDARD_ATMOSPHERE * ((one == "gauge") - (known.kind == "gauge")))
         for one in ("gauge", "absolute")
     }
     best = min(off, key=lambda one: off[one])
-    return {own[0].unit: (best, f"CHECK {best}: so p1 comes up to it")} if off[best] < 0.3 * STANDARD_ATMOSPHERE else {}
-
-
-def _certainty(answer: tuple[str, str]) -> int:
-    """Return how sure gauge or absolute is: by custom alone (0), by what the numbers suggest (1), or certain (2)."""
-    return 2 if not answer[1].startswith("CHECK") else 1 if "which is ambient pressure" in answer[1] else 0
+    told = Reference(best, f"CHECK {best}: so p1 comes up to it", certainty=0)
+    return {own[0].unit: told} if off[best] < 0.3 * STANDARD_ATMOSPHERE else {}
 
 
 def join_files_of_one_recording(surveys: Sequence[Survey]) -> FileGroup | None:
@@ -301,7 +296,7 @@ def join_files_of_one_recording(surveys: Sequence[Survey]) -> FileGroup | None:
     by_file: list[dict[str, Guess]] = [{"time": clock} for clock in clocks]
     for n, one, column in zip(owners, together, (own for _, each in found for own in each), strict=False):
         by_file[n] |= {one.signal: replace(one, column=column)}
-    alone = [any(g.signal in _RECORDED and ONLY_PRESSURE not in g.note for g in own) for own in guesses]
+    alone = [any(g.signal in _RECORDED and not g.only_pressure for g in own) for own in guesses]
     distinct = "" not in signals and len(set(signals)) == len(owners)
     if not distinct or not (single or not all(alone)) or not _overlap_in_time(clocks):
         return None

@@ -30,7 +30,6 @@ MIN_STILL_SHARE = 0.6  # of the steps of a command, that are 0: it is set, and s
 MAX_UNEVEN_ROWS = 2
 MAX_LEVELS = 0.1  # of its samples, that a command is set to
 SURE, LIKELY = 3.0, 0.8  # what evidence adds to the score of a name; "supply" in a name adds 3
-BY_ORDER = "the order of the columns decided"
 RIVAL = 0.05  # of a score, by which another column may fit less and still might be meant
 
 
@@ -145,7 +144,8 @@ def rivals(
         own = scores.get((n, signal), np.inf)
         alike = [m for (m, other), score in scores.items() if other == signal and m != n and score > own - RIVAL]
         if alike:
-            found[n] = f'CHECK "{columns[alike[0]].name}" may be {signal} as well: {BY_ORDER}'
+            other = columns[alike[0]].name
+            found[n] = f'CHECK "{other}" may be {signal} as well: the order of the columns decided'
     return found
 
 

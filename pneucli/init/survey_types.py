@@ -85,7 +85,8 @@ class Guess:
     ``unit_stated``: whether the file says the unit; ``reference``: gauge or absolute, where the name says it; ``note``:
     what speaks for it. One of the column's numbers is ``scale`` units; NaN: people have to say it. ``missing`` are the
     numbers that mark no value. ``ask_unit``: people have to say the unit; ``unit`` is what the numbers look like, and
-    ``at_ambient`` as :class:`UnitGuess` has it.
+    ``at_ambient`` as :class:`UnitGuess` has it. ``rival``: which other column fits the signal as well, in words;
+    ``only_pressure``: taken for p1 as no other pressure is recorded, whatever it is called.
     """
 
     column: Column
@@ -98,3 +99,10 @@ class Guess:
     missing: tuple[float, ...] = ()
     ask_unit: bool = False
     at_ambient: str = ""
+    rival: str = ""
+    only_pressure: bool = False
+
+    @property
+    def why(self) -> str:
+        """What speaks for it and against it, in words."""
+        return "; ".join(filter(None, (self.rival, self.note)))

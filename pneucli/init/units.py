@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,35 +64,45 @@ def _most_likely_unit(signal: str, values: Array, angle: bool) -> str:
     return SIGNALS[signal].unit
 
 
-def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> tuple[str, str]:
-    """Return whether pressures count from ambient, ``"gauge"``, or ``"absolute"``, and the evidence.
+class Reference(NamedTuple):
+    """Whether pressures count from ambient, ``"gauge"``, or ``"absolute"``, the evidence, and how certain that is.
+
+    ``certainty``: 0 by custom alone, 1 by what the numbers suggest, 2 certain; ``stated``: the file says it.
+    """
+
+    kind: str
+    why: str
+    certainty: int = 2
+    stated: bool = False
+
+
+def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> Reference:
+    """Return what pressures count from.
 
     ``columns`` are those of one sensor, one a recording, in its ``unit``; ``stated`` is what its name says.
     """
     parsed = parse_unit(unit)
     if stated or parsed.gauge or parsed.absolute:
         found = stated or ("gauge" if parsed.gauge else "absolute")
-        return found, f"{found}: stated by the file"
+        return Reference(found, f"{found}: stated by the file", stated=True)
     pascals = [to_si(_without_dropout(values), unit, "Pa") for values in columns]
     least = min((float(values.min()) for values in pascals if values.size), default=np.inf)
     lowest = format_signal(least, "p1", 4)
     if least < LOWEST_GAUGE:
-        return (
-            "gauge",
-            f"CHECK its unit: it reads down to {lowest}, and no gauge pressure is below -1.013 bar",
-        )
+        why = f"CHECK its unit: it reads down to {lowest}, and no gauge pressure is below -1.013 bar"
+        return Reference("gauge", why, certainty=0)
     if least < MIN_ABSOLUTE_PRESSURE:
-        return "gauge", f"gauge: it reads down to {lowest}, and no gas of a rig has so little"
+        return Reference("gauge", f"gauge: it reads down to {lowest}, and no gas of a rig has so little")
     if rest := next(filter(None, map(ambient_rest_pressure, pascals)), None):
-        return (
-            "absolute",
-            f"absolute: it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there",
-        )
+        why = f"it rests at {format_signal(rest, 'p1', 4)}, which is ambient pressure, and moves from there"
+        return Reference("absolute", f"absolute: {why}")
     if any(map(_is_vented, pascals)) and least >= AMBIENT_RANGE[0]:
-        return "absolute", f"CHECK absolute: where it is lowest it is {lowest}, which is ambient pressure"
+        why = f"CHECK absolute: where it is lowest it is {lowest}, which is ambient pressure"
+        return Reference("absolute", why, certainty=1)
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
-    return guess, f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
+    why = f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
+    return Reference(guess, why, certainty=0)
 
 
 def _is_vented(pascals: Array) -> bool:
@@ -111,9 +122,7 @@ def _without_dropout(values: Array) -> Array:
     return values[~low] if at_edges.min() > MIN_JUMP_STEPS * np.quantile(others, USUAL_STEP) else values
 
 
-def pressure_reference_from_force(
-    pressures: Sequence[Array], forces: Sequence[Array], unit: str
-) -> tuple[str, str] | None:
+def pressure_reference_from_force(pressures: Sequence[Array], forces: Sequence[Array], unit: str) -> Reference | None:
     """Return what the force on a piston says: in proportion with a gauge pressure, nothing at ambient with an absolute.
 
     Of medians, one a recording; None where too few recordings at different pressures tell.
@@ -126,8 +135,8 @@ def pressure_reference_from_force(
     zero = -offset / slope
     evidence = f"the force is none at {format_signal(zero, 'p1', 2)}"
     if abs(zero) < MIN_ABSOLUTE_PRESSURE:
-        return "gauge", f"gauge: {evidence}"
-    return ("absolute", f"absolute: {evidence}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
+        return Reference("gauge", f"gauge: {evidence}")
+    return Reference("absolute", f"absolute: {evidence}") if abs(zero - 1e5) < MIN_ABSOLUTE_PRESSURE else None
 
 
 def to_si(values: Array, unit: str, wanted: str) -> Array:
@@ -171,9 +180,9 @@ def implausibility(signal: str, unit: str, values: Array) -> str:
     if signal.startswith("x"):
         low, high = 0.0, high - low
     if signal == "p_supply" and high < MIN_SUPPLY:
-        return f"CHECK unit and column: {format_plain(high, 3)} Pa at most, no supply has so little; thousands?"
+        return f"{format_plain(high, 3)} Pa at most, no supply has so little; thousands?"
     if limits[0] <= low and high <= limits[1]:
         return ""
     worst = high if high > limits[1] else low
     why = "no gauge pressure is below -1.013 bar" if worst < 0 and signal.startswith("p") else limits[2]
-    return f"CHECK unit and column: {format_plain(worst, 3)} {SIGNALS[signal].unit}, {why}"
+    return f"{format_plain(worst, 3)} {SIGNALS[signal].unit}, {why}"

@@ -15,12 +15,13 @@ from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.init.experiments import GuessedExperiment, Line, rig_tables, sign_conventions
 from pneucli.init.file_groups import FileGroup
 from pneucli.init.survey_types import Guess
+from pneucli.init.units import Reference
 from pneucli.io.column_reader import is_rate, stated_period
 from pneucli.io.raw_file import ColumnKey, RawFile
 from pneucli.messages.formatting import format_plain
 from pneucli.units import parse_unit
 
-References = Mapping[str, tuple[str, str]]
+References = Mapping[str, Reference]
 MAX_DEFAULT_PERIOD = 0.02  # s between samples that the usual horizon is made for
 MIN_HORIZON_SAMPLES = 20  # samples within another one
 PLACEHOLDER = re.compile(r'"[^"#]*\?[^"]*"')
@@ -116,11 +117,11 @@ def _signal(kind: FileGroup, one: Guess, references: References) -> str:
     if column.where:
         label, channel = column.where
         parts.append(f"where = {{ column = {toml_string(str(label))}, equals = {toml_string(channel)} }}")
-    notes = [_value_range(kind, one), one.note]
+    notes = [_value_range(kind, one), one.why]
     if one.signal in ("p1", "p2", "p_supply", "p_ref"):
-        reference, why = references[one.unit]
-        parts += [f'reference = "{reference}"'] * (not parse_unit(one.unit).gauge and not parse_unit(one.unit).absolute)
-        notes.append(why)
+        reference, unit = references[one.unit], parse_unit(one.unit)
+        parts += [f'reference = "{reference.kind}"'] * (not unit.gauge and not unit.absolute)
+        notes.append(reference.why)
     if one.signal in (flip := sign_conventions(kind)):
         parts = [part for part in parts if not part.startswith("scale")]
         parts.append(f"scale = {-one.scale:.10g}" if one.scale != 1.0 else "scale = -1.0")
@@ -209,7 +210,7 @@ def _unused_columns(kinds: Sequence[FileGroup]) -> Iterator[str]:
                 else "no numbers"
             )
             name = one.column.key if isinstance(one.column.key, int) else toml_string(one.column.name)
-            yield f"# not taken: column {name}, {seen}" + (f"; {one.note}" if one.note else "")
+            yield f"# not taken: column {name}, {seen}" + (f"; {one.why}" if one.why else "")
     for kind in kinds:
         yield from (f"# not taken: {reason}" for one in kind.surveys for reason in one.unused if reason not in written)
         written |= {reason for one in kind.surveys for reason in one.unused}

@@ -45,7 +45,6 @@ _SPELLINGS = (  # of stamps, and what is read in their place
     (r"UTC([+-]\d)", r"\1"),
     (r"^(.*)(?:上午|午前|오전) ?(.+)$", r"\1\2 AM"),
     (r"^(.*)(?:下午|午後|오후) ?(.+)$", r"\1\2 PM"),
-    (r"^'", ""),  # in front of what Excel is not to read
     (r"^(?:(\d{4}[-.]\d\d[-.]\d\d)[-T ])?(\d\d)\.(\d\d)\.(\d\d\.\d+)$", r"\1 \2:\3:\4"),
     (r"^[A-Z][a-z]{2},? ([A-Z][a-z]{2}) +(\d{1,2}) (\d\d:\d\d:\d\d(?:\.\d+)?) (\d{4})$", r"\2 \1 \4 \3"),  # of C
     (r"^(\d+)h ?(\d+)m(?:in)? ?(\d+(?:\.\d+)?)s$", r"PT\1H\2M\3S"),

@@ -34,7 +34,7 @@ from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimensio
 
 MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
-MAX_HEADER_LINES = 4  # lines of a header that are looked at for units
+MAX_HEADER_LINES = 4  # lines right above the rows, one of which names the columns
 MIN_TABLE_ROWS = 3  # rows in a row that a table begins with
 MIN_TABLE_SHARE = 0.1  # of the longest run of rows, that the table begins with
 MIN_USUAL_SHARE = 0.5  # of the lines of a table, that are as wide: else they are a log of sentences
@@ -246,7 +246,7 @@ class _DelimitedTable:
         numbers = wide and not titles and all(map(self._has_value, wide)) and self._names_numbers(wide[-1])
         if not numbers and (stamped or (titles and not others) or not wide or self._has_value(wide[-1])):
             return titles, self._keyed(keyed, _UNITS), None
-        for before, units in reversed([*pairwise(wide[-MAX_HEADER_LINES:])]):
+        for before, units in reversed([*pairwise(wide)]):
             if _are_units(self._rows[units]) and not all(map(is_value, self._rows[before])):
                 texts = [n for n in wide if n <= before and not self._has_value(n)]
                 names = max(texts, key=lambda n: (self._distinct(n), n), default=before)
@@ -349,9 +349,10 @@ class _DelimitedTable:
 
     def _names_in_comment(self, start: int) -> tuple[str, ...]:
         """Return the names in a comment right above the rows, as numpy and gnuplot write them."""
-        comments = [line.lstrip(" \t#%") for line in self._lines[:start] if _is_comment(line)]
-        cut = TextLayout("", self.delimiter, "", 0, ())
-        fitting = [fields for fields in map(cut.split, comments) if len(fields) == self.width]
+        comments = [_BEFORE_NAMES.sub("", line) for line in self._lines[:start] if _is_comment(line)]
+        own, commas = (TextLayout("", mark, "", 0, ()) for mark in (self.delimiter, ","))
+        cut = [*map(own.split, comments), *map(commas.split, comments[-1:])]  # blanks may cut the rows alone
+        fitting = [fields for fields in cut if len(fields) == self.width]
         return tuple(fitting[-1]) if fitting and not any(map(is_value, fitting[-1])) else ()
 
     def _units_told(self, start: int, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -374,6 +375,7 @@ class _DelimitedTable:
 
 _IN_WORDS = re.compile(r"([\w ]+?) in (\S+)")
 _VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
+_BEFORE_NAMES = re.compile(r"(?i)^[\s#%]*(?:(?:column|field)s?(?: names?)?\s*[:=])?\s*")  # "# columns: t, p1"
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"

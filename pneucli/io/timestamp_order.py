@@ -26,15 +26,15 @@ from pneucli.messages.formatting import format_plain
 RowClasses = NDArray[np.int8]
 RowLocator = Callable[[int], str]  # of a row, counted from 0, in words
 
-LOSS_MESSAGES = {
-    "no-stamp": "rows without a time stamp were left out",
-    "duplicate": "rows repeat a time stamp; the last was kept",
-    "backward": "isolated rows whose time is out of order were left out",
-    "truncated": "rows, the last, are cut off and were left out",
-    "outside": "rows lie outside from and to",
-    "other-channel": "rows belong to channels that are not taken",
-    "joined": "rows share the sample of another channel's row",
-    "no-overlap": "rows lie outside the time that all channels share",
+LOSS_MESSAGES = {  # of one row, and of several
+    "no-stamp": ("row without a time stamp was left out", "rows without a time stamp were left out"),
+    "duplicate": ("row repeats a time stamp; the last was kept", "rows repeat a time stamp; the last was kept"),
+    "backward": ("isolated row out of order in time was left out", "isolated rows out of order in time were left out"),
+    "truncated": ("row, the last, is cut off and was left out", "rows, the last, are cut off and were left out"),
+    "outside": ("row lies outside from and to", "rows lie outside from and to"),
+    "other-channel": ("row belongs to a channel that is not taken", "rows belong to channels that are not taken"),
+    "joined": ("row shares the sample of another channel's row", "rows share the sample of another channel's row"),
+    "no-overlap": ("row lies outside the time that all share", "rows lie outside the time that all channels share"),
 }
 ROW_CLASSES = ("kept", "no-stamp", "duplicate", "backward")
 MAX_BACKWARD_ROWS = 3  # rows in a row whose stamps go back
@@ -158,12 +158,15 @@ def count_losses(classes: RowClasses) -> Counter[str]:
     return Counter({kind: int(count) for kind, count in zip(ROW_CLASSES[1:], counts[1:], strict=True) if count})
 
 
+def loss_message(kind: str, count: int) -> str:
+    """Return how many rows were left out and why, in words."""
+    return f"{count} {LOSS_MESSAGES[kind][count > 1]}"
+
+
 def loss_repairs(losses: Mapping[str, int]) -> list[Repair]:
     """Return the rows that were left out, as repairs of the clock."""
     return [
-        Repair("time", kind, losses[kind], f"{losses[kind]} {LOSS_MESSAGES[kind]}")
-        for kind in ROW_CLASSES
-        if losses.get(kind)
+        Repair("time", kind, losses[kind], loss_message(kind, losses[kind])) for kind in ROW_CLASSES if losses.get(kind)
     ]
 
 

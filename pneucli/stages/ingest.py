@@ -37,7 +37,7 @@ from pneucli.io.recordings import (
     signals_schema,
 )
 from pneucli.io.signal_reader import SignalReader, open_signals
-from pneucli.io.timestamp_order import LOSS_MESSAGES
+from pneucli.io.timestamp_order import LOSS_MESSAGES, loss_message
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.ingest import Answer, Implausible, NoiseAnswer, Recording, SignalSummary, Weight
 from pneucli.messages.ingest import Repair as RepairAnswer
@@ -100,7 +100,7 @@ def _progress_at(progress: Progress, fraction: float) -> Callable[[str], None]:
 
 
 def _dropped_rows_message(one: IngestedRecording) -> str:
-    kinds = ", ".join(f"{one.losses[kind]} {words}" for kind, words in LOSS_MESSAGES.items() if one.losses[kind])
+    kinds = ", ".join(loss_message(kind, one.losses[kind]) for kind in LOSS_MESSAGES if one.losses[kind])
     return f"{one.source.name}: of {one.rows} rows {one.samples} became samples: {kinds}"
 
 
@@ -278,7 +278,7 @@ def _require_usable(one: IngestedRecording) -> None:
     if one.rows > one.samples + lost or (one.rows < one.samples + lost and not several):
         raise RuntimeError(f"{where}: {one.rows} rows were read, {one.samples} samples and {lost} losses are known")
     if one.samples < 2:
-        kinds = ", ".join(f"{count} {LOSS_MESSAGES[kind]}" for kind, count in one.losses.items() if count)
+        kinds = ", ".join(loss_message(kind, count) for kind, count in one.losses.items() if count)
         found = f"{one.samples} usable rows" + (f" ({kinds})" if kinds else "")
         raise InputError(where, found, "a recording of at least 2 samples", "check from, to and skip_rows", code="E050")
     if not MIN_PERIOD < one.period < MAX_PERIOD:

@@ -176,7 +176,7 @@ def _columns_of(kind: FileGroup, references: References) -> Iterator[Column]:
     for one in guesses:
         each = kind.raw_numbers(one.signal) if one.signal else [column_values(survey, one) for survey in kind.surveys]
         values = np.concatenate(each)
-        reference, why = references.get(one.unit, ("", "")) if one.signal.startswith("p") else ("", "")
+        reference = references.get(one.unit) if one.signal.startswith("p") else None
         yield Column(
             file=kind.file,
             part=kind.surveys[0].raw.part,
@@ -184,11 +184,11 @@ def _columns_of(kind: FileGroup, references: References) -> Iterator[Column]:
             column=one.column.name or one.column.key,
             signal=one.signal,
             unit="?" if one.ask_unit else one.unit,
-            gauge=reference == "gauge" and not one.ask_unit,
+            gauge=reference is not None and reference.kind == "gauge" and not one.ask_unit,
             least=float(values.min()) if values.size else None,
             median=float(np.median(values)) if values.size else None,
             most=float(values.max()) if values.size else None,
-            why="; ".join(filter(None, (one.note, why))),
+            why="; ".join(filter(None, (one.why, reference.why if reference else ""))),
         )
 
 

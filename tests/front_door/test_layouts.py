@@ -362,7 +362,7 @@ def test_what_cannot_be_identified_without_a_pressure_is_said(tmp_path: Path) ->
 def test_a_vessel_that_is_vented_in_between_tells_absolute(lowest: float) -> None:
     swing = np.clip(np.sin(np.arange(2000) / 60), -0.6, 1.0)
     pascals = lowest + 3e5 * (swing + 0.6) + 300 * RNG.standard_normal(2000)
-    reference, why = pressure_reference([pascals * 1e-5], "bar", "")
+    reference, why, *_ = pressure_reference([pascals * 1e-5], "bar", "")
     assert (reference, "where it is lowest" in why) == (("absolute", True) if lowest == 1.01e5 else ("gauge", False))
 
 
@@ -451,7 +451,7 @@ def test_what_counts_rows_and_a_clock_that_stands_again_are_no_signals(tmp_path:
 def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_absolute() -> None:
     dip = np.exp(-(((np.arange(2000) - 700) / 10) ** 2))  # a piston that starts fast, and no vented chamber
     pascals = 1.02e5 + 2e5 * (1.0 - dip) + 300 * RNG.random(2000)
-    reference, why = pressure_reference([pascals * 1e-5], "bar", "")
+    reference, why, *_ = pressure_reference([pascals * 1e-5], "bar", "")
     assert (reference, why.partition(":")[0]) == ("gauge", "CHECK gauge")
 
 
@@ -633,7 +633,7 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
     ("form", "clock"),
     [
         *(("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")),
-        *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time")),
+        *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time"), ("hits", "time")),
     ],
 )
 def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
@@ -652,6 +652,9 @@ def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_pa
         "pandas by row": {str(a): {"valve_V": b, "p1_bar": c} for a, b, c in np.column_stack([t, u, p]).tolist()},
         "numbered fields": {"channel": {"name": "rig", "field1": "valve_V", "field2": "p1_bar"}, "feeds": [
             {"time": a, "field1": b, "field2": c} for a, b, c in np.column_stack([t, u, p]).tolist()]},
+        "hits": {"took": 12, "hits": {"total": {"value": 50}, "hits": [
+            {"_index": "rig", "_source": {"time": a, "valve_V": b, "p1_bar": c}, "sort": [a]}
+            for a, b, c in np.column_stack([t, u, p]).tolist()]}},
     }  # fmt: skip
     found = guessed(written(tmp_path, json.dumps(forms[form]), "a.json"))
     text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")

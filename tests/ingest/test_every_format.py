@@ -212,4 +212,4 @@ def test_rows_that_were_lost_are_printed(tmp_path: Path) -> None:
     data["t"][40] = data["t"][39]
     answer, _ = ingested("long", data, tmp_path)
     said = " ".join(messages.render("ingest", answer, "p.toml").split())
-    assert "a: of 240 rows 119 became samples: 1 rows repeat a time stamp; the last was kept, 120 rows" in said
+    assert "a: of 240 rows 119 became samples: 1 row repeats a time stamp; the last was kept, 120 rows" in said

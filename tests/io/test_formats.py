@@ -60,6 +60,7 @@ TEXTS = {
         b"t  p\n0.0D+00  1.2345D+03\n5.0D-01  2.25D+00\n1.5D+00  nan\n",
         {},
     ),
+    "quotes against formulas": (b"t,p\n'0,\"'1234.5\"\n0.5,'+2.25\n1.5,\n", {}),
     "uncertainties": ("t,p\n0,1234.5 ± 0.2\n0.5,2.25±0.2\n1.5,\n".encode(), {}),
     "a minus of typography": ("t,p\n−0,1234.5\n0.5,2.25\n1.5,\n".encode(), {}),
     "no-break thousands": ("t;p\n0;1\u202f234,5\n0,5;2,25\n1,5;\n".encode(), {}),

@@ -34,6 +34,14 @@ TEXTS = {
         SniffedLayout(True, 7, "\t", ("X_Value", "p", "x"), (), {}),
     ),
     "names in a comment": ("# t p x\n" + rows(" "), SniffedLayout(False, 0, " ", ("t", "p", "x"), (), {})),
+    "names in a comment, apart by commas": (
+        "# rig 3\n# columns: t, p, x\n" + rows(" "),
+        SniffedLayout(False, 0, " ", ("t", "p", "x"), (), {}),
+    ),
+    "lines of each channel below names and units": (
+        "t;p;x\ns;bar;mm\n" + "".join(f"{n};sensor {n};{n} of 10 V\n" for n in "abcde") + rows(";"),
+        SniffedLayout(False, 7, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
+    ),
     "a third row of header": (
         "t;p;x\ns;bar;mm\nclock;sensor 1;laser\n" + rows(";"),
         SniffedLayout(False, 3, ";", ("t", "p", "x"), ("s", "bar", "mm"), {}),
@@ -78,6 +86,7 @@ HEADER_LINES = {
     "date and time parted by a blank, between tabs": 1,
     **{"a header": 1, "decimal commas": 1, "a title and two rows of header": 3, "names in a comment": 1},
     **{"a preamble as wide as the table": 8, "a third row of header": 3, "text after a comma": 1},
+    **{"names in a comment, apart by commas": 2, "lines of each channel below names and units": 7},
     **{"a command on change, and the header again": 2, "columns of fixed width": 1},
 }
 

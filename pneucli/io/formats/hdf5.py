@@ -243,7 +243,11 @@ def _read(file: Any, place: Place) -> ColumnValues:
     if place.attribute is not None:
         return np.ravel(file[place.dataset].attrs[place.attribute])
     attributes, packed = dict(file[place.dataset].attrs), _packing(file[place.dataset])
-    dataset = _beside(file, place.dataset)
+    dataset = file[place.dataset]
+    if dataset.is_virtual or dataset.external:  # where such a file is gone or cut, HDF5 reads 0
+        where = f'{file.filename}, dataset "{place.dataset}"'
+        mend = "write them into this one, as h5repack does"
+        raise InputError(where, "its numbers stand in other files", "numbers in one file", mend, code="E044")
     absent = [*_absent_parts(dataset)]
     array = dataset[()] if place.field is None else dataset[place.field]
     if absent:
@@ -257,33 +261,12 @@ def _read(file: Any, place: Place) -> ColumnValues:
     return np.ravel(unpacked(attributes, array, *(packed or (1.0, 0.0))))
 
 
-def _beside(file: Any, name: str) -> Any:
-    """Return a dataset; one that other files hold has them beside its own, wherever the program runs."""
-    from h5py import Dataset, h5d, h5p  # noqa: PLC0415 - an extra
-
-    access = h5p.create(h5p.DATASET_ACCESS)
-    access.set_efile_prefix(b"${ORIGIN}")
-    return Dataset(h5d.open(file.id, name.encode(), access))
-
-
 def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
-    """Yield the parts of a dataset, or of it as flat, that nobody wrote, or whose files are gone or cut.
+    """Yield the parts of a dataset, or of it as flat, that nobody wrote.
 
-    HDF5 reads its fill value there, 0 where none is stated. A name with % stands for a row of files.
+    HDF5 reads its fill value there, 0 where none is stated.
     """
-    folder, size = Path(dataset.file.filename).parent, dataset.dtype.itemsize
-    if dataset.is_virtual:
-        for part in dataset.virtual_sources():
-            if "%" not in part.file_name and part.file_name != "." and not (folder / part.file_name).exists():
-                first, last = part.vspace.get_select_bounds()
-                yield tuple(slice(a, b + 1) for a, b in zip(first, last, strict=True))
-    elif dataset.external:
-        begin = 0
-        for name, offset, length in dataset.external:
-            there = max((folder / name).stat().st_size - offset, 0)
-            yield slice((begin + there) // size, -(-(begin + length) // size))
-            begin += length
-    elif dataset.chunks is not None:
+    if dataset.chunks is not None:
         firsts = [range(0, side, step) for side, step in zip(dataset.shape, dataset.chunks, strict=True)]
         if (count := dataset.id.get_num_chunks()) < prod(map(len, firsts)):
             written = {dataset.id.get_chunk_info(n).chunk_offset for n in range(count)}
@@ -361,7 +344,7 @@ HDF5 = Format(
     column="a path, `group/name`",
     extra="hdf5",
     used="unit, `scale_factor`, `add_offset`, a clear `gain` and `offset`; `_FillValue`, `missing_value`, values "
-    "beyond `valid_range` and parts that nobody wrote, or whose file is cut or gone, are missing; `milliseconds since "
-    "...` is a unit and a start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    "beyond `valid_range` and parts that nobody wrote are missing; `milliseconds since ...` is a unit and a start; the "
+    "unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )

@@ -57,7 +57,7 @@ def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
     if isinstance(rows, Mapping):
         named = ((name, [own] if isinstance(own, int | float) else own) for name, own in rows.items())
         return {name: _vector(values) for name, values in named if _is_column(values)}
-    return columns_of_rows([row for row in rows if isinstance(row, Mapping)])
+    return columns_of_rows([row.get("_source", row) for row in rows if isinstance(row, Mapping)])  # of Elasticsearch
 
 
 def columns_of_rows(rows: Sequence[Mapping[str, Any]]) -> dict[str, ColumnValues]:
@@ -161,14 +161,24 @@ def _frame(whole: Any) -> Any:
 
 
 def _rows(whole: Any) -> Any:
-    """Return lists by name, or the list of objects that an object holds under its only such name."""
-    listed = whole.values() if isinstance(whole, Mapping) else [whole]
-    inside = [own for own in listed if isinstance(own, list) and own and isinstance(own[0], Mapping)]
+    """Return lists by name, or the list of objects that an object holds under its only such name.
+
+    Where nothing else is a column, at any depth, as in the answers of a database: ``hits/hits``.
+    """
+    listed = list(whole.values()) if isinstance(whole, Mapping) else [whole]
+    by_name = dict(_leaves({"": whole}, ""))
+    inside = _lists_of_objects(listed, deep=not any(map(_is_column, by_name.values())))
     if len(inside) != 1 or _channel(inside[0][0]):
-        return dict(_leaves({"": whole}, ""))
+        return by_name
     beside = [own for own in listed if isinstance(own, Mapping)]  # may say what field1 and others are
     titles = {key: name for own in beside for key, name in own.items() if _FIELD.fullmatch(key) and name}
     return [{titles.get(key, key): own for key, own in row.items()} for row in inside[0]]
+
+
+def _lists_of_objects(nodes: Sequence[Any], *, deep: bool) -> list[list[Any]]:
+    found = [own for own in nodes if isinstance(own, list) and own and isinstance(own[0], Mapping)]
+    inner = [one for own in nodes if isinstance(own, Mapping) for one in own.values()]
+    return _lists_of_objects(inner, deep=True) if deep and inner and not found else found
 
 
 def _leaves(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
