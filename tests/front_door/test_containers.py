@@ -220,13 +220,22 @@ def columns(path: Path) -> dict[str, Array]:
     return {name: next(iter(reader.batches([ColumnRequest(n)])))[0] for n, name in enumerate(reader.names)}
 
 
-def test_a_result_of_dymola_is_refused(tmp_path: Path) -> None:
+def test_dymola_names_its_trajectories(tmp_path: Path) -> None:
     from scipy.io import savemat
 
-    content = {"Aclass": np.array([[*"Atrajectory"]]), "name": np.array([[*"time"]]), "dataInfo": np.ones((1, 4))}
-    savemat(tmp_path / "r.mat", {**content, "data_2": np.stack([T, P], axis=1)}, format="4")
-    with pytest.raises(InputError, match="simulation by Dymola"):
-        open_raw(RawFile(tmp_path / "r.mat", {}))
+    names = ["time", "p1", "minus_p1", "torque"]
+    letters = np.array([list(name.ljust(8)) for name in names])
+    data = np.stack([T, P], axis=1)
+    info = np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [2, 2, 0, -1]])
+    kind = np.array([list(text.ljust(10)) for text in ("1.1", "", "binNormal", "binNormal")])
+    texts = ["Time in [s]", "Pressure [1] of the chamber [Pa|bar]", "Negated [1] [:#(type=Real)]", "[N.m]"]
+    remarks = np.array([list(text.ljust(40)) for text in texts])
+    content = {"Aclass": kind, "name": letters, "description": remarks, "dataInfo": info, "data_2": data}
+    savemat(tmp_path / "r.mat", content, format="4")
+    assert open_raw(RawFile(tmp_path / "r.mat", {})).units == {0: "s", 1: "Pa", 3: "N*m"}
+    found = columns(tmp_path / "r.mat")
+    np.testing.assert_allclose(found["p1"], P)
+    np.testing.assert_allclose(found["minus_p1"], -P)
 
 
 def test_objects_of_matlab_are_refused_with_the_way_to_save_them(tmp_path: Path) -> None:

@@ -2,12 +2,13 @@
 
 The format: MathWorks, "MAT-File Format", chapter 1. An element is a tag, of type and size, and its data. A matrix holds
 elements in turn, and so does a compressed element once it is expanded. Elements are looked at before scipy reads them.
-Level 4 is plain matrices.
+Level 4 is plain matrices, in which Dymola writes its results.
 """
 
 from __future__ import annotations
 
 import mmap
+import re
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -217,6 +218,7 @@ MATLAB = Format(
 _MATRIX_HEADER = struct.Struct("<5i")
 _MAX_NAME = 64  # characters
 _DYMOLA = {"Aclass", "name", "dataInfo"}
+_UNIT = re.compile(r"\[([^][|:]+)(?:\|[^][|]*)?\](?=[^][]*$)")  # the last brackets; a colon begins a type, no unit
 
 
 def is_mat4(head: bytes, _: Path) -> bool:
@@ -234,14 +236,14 @@ def is_mat4(head: bytes, _: Path) -> bool:
 
 
 def open_mat4(path: Path) -> ColumnReader:
-    """List the columns: vectors by name, columns of matrices by number; raises InputError for results of Dymola."""
+    """List the columns: vectors by name, columns of matrices by number; the trajectories of Dymola by their names."""
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
     variables = whosmat(path)
     check_expanded_size(path, 8 * sum(int(np.prod(shape)) for _, shape, kind in variables if kind != "char"))
     if {name for name, _, _ in variables} >= _DYMOLA:
-        found, mend = "this is a result of a simulation by Dymola", "export its trajectories as CSV"
-        raise InputError(str(path), found, "a file of recorded numbers", mend, code="E040")
+        columns, units = _dymola(path)
+        return ColumnReader.of_columns(path, MATLAB_4.name, columns, units, {})
 
     def load(wanted: Collection[str]) -> dict[str, ColumnValues]:
         tree = loadmat(path, variable_names=list(wanted))
@@ -251,12 +253,43 @@ def open_mat4(path: Path) -> ColumnReader:
     return ColumnReader.of_arrays(path, MATLAB_4.name, shapes, load)
 
 
+def _dymola(path: Path) -> tuple[dict[str, ColumnValues], dict[str, str]]:
+    """Return the trajectories and their units, by name.
+
+    ``dataInfo`` says of each name in which matrix, in which column, and with which sign. ``description`` ends with the
+    unit of the stored numbers, then that in which Dymola displays them: ``Pressure [Pa|bar]``.
+    """
+    from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
+
+    tree = loadmat(path, chars_as_strings=False)
+    transposed = "binTrans" in ["".join(row).strip("\0 ") for row in tree["Aclass"]]
+    letters, info = tree["name"], np.asarray(tree["dataInfo"], dtype=np.int64)
+    remarks = tree.get("description", letters[:0])
+    if transposed:
+        letters, info, remarks = letters.T, info.T, remarks.T
+    texts = ["".join(row).strip("\0 ") for row in remarks] if len(remarks) == len(letters) else [""] * len(letters)
+    found: dict[str, ColumnValues] = {}
+    units: dict[str, str] = {}
+    for row, (matrix, column, *_), text in zip(letters, info.tolist(), texts, strict=True):
+        name = "".join(row).strip("\0 ")
+        data = tree.get(f"data_{matrix or 2}")
+        if data is None:
+            continue
+        data = np.asarray(data.T if transposed else data, dtype=np.float64)
+        if name and data.shape[0] > 2:  # constants have a matrix of two rows
+            found[name] = np.sign(column or 1) * data[:, abs(column or 1) - 1]
+            if unit := _UNIT.search(text):
+                units[name] = unit[1].replace(".", "*")  # Modelica's N.m
+    return found, units
+
+
 MATLAB_4 = Format(
     "MATLAB v4",
-    "MATLAB v4",
+    "MATLAB v4, Dymola",
     open_mat4,
     recognises=is_mat4,
-    column="a vector, a column `m/2`",
+    column="a vector, a column `m/2`, a trajectory",
+    used="Dymola's units",
 )
 
 
