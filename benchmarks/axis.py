@@ -1,7 +1,7 @@
 """A virtual servo-pneumatic axis on its bench: the physics of ``benchmarks.world``.
 
-It shares nothing with the program. Mass and energy balances of both chambers with heat from the wall; isothermal hoses
-of three segments with inertia; four unequal metering edges (ISO 6358) with leakage over the overlap; a spool of second
+It shares nothing with the program. Mass and energy balances of chambers and hoses with heat from their walls; hoses of
+three segments with inertia; four unequal metering edges (ISO 6358) with leakage over the overlap; a spool of second
 order with a speed limit and a small play; a regulator with a buffer; generalised Maxwell slip with a Stribeck curve.
 Steps are explicit and of fixed length, positions after velocities.
 """
@@ -25,7 +25,7 @@ CV, CP = R / (KAPPA - 1.0), KAPPA * R / (KAPPA - 1.0)
 NORMAL_DENSITY = 1.185  # kg/m^3 at 20 degC, 1 bar, 65 % humidity (ISO 8778)
 NORMAL_TEMPERATURE = 293.15
 AREA = 0.6847 / (NORMAL_DENSITY * np.sqrt(R * NORMAL_TEMPERATURE))  # sonic conductance of an ideal nozzle of 1 m^2
-VISCOSITY, SOUND = 1.82e-5, float(np.sqrt(R * NORMAL_TEMPERATURE))  # Pa s; m/s in an isothermal hose
+VISCOSITY, CONDUCTIVITY, SOUND = 1.82e-5, 0.026, float(np.sqrt(KAPPA * R * NORMAL_TEMPERATURE))  # of air, SI units
 SEGMENTS = 3  # of a hose
 LAMINAR = 0.99  # pressure ratio above which a restriction is laminar (ISO 6358-1, annex)
 STEP, COARSE_STEP = 25e-6, 50e-6  # s: of recordings, of the replays that measure an effect
@@ -47,7 +47,7 @@ GAS = "Ta pamb pset Vb Greg pulse C_sil Ve b_s b_e C_leak lap curve omega zeta r
 SENSORS = "tau_p scale skew x_scale cross drift"
 PAIRS = "A V0 L C_s C_e ov_s ov_e null leak off"
 RIG = np.dtype((np.record, [*fields(f"{MECHANICS} {GAS} {SENSORS}"), *fields(PAIRS, 2)]))
-LINES = fields("hp hq", 2, SEGMENTS)  # pressure and flow of each segment
+LINES = fields("hm hU hp hT hq", 2, SEGMENTS)  # of each segment; hq: the flow out of it
 STATE = np.dtype(
     (np.record, [*fields("x v a xl vl ps pe rest t"), *fields("m U lag play s w read", 2), *fields("slip", 4), *LINES])
 )
@@ -86,21 +86,32 @@ def move_spool(r, y, i, command, h):
 
 
 @njit(cache=True, fastmath=True)
-def through_hose(r, y, i, supplied, exhausted, p_chamber, h):
-    """Advance the hose of a chamber by one step and return the flow into the chamber."""
-    area, length, gas = 0.25 * np.pi * r.D**2, r.L[i] / SEGMENTS, R * r.Ta
+def through_hose(r, y, i, come, gone, p_chamber, T_chamber, h):
+    """Advance the hose of a chamber by one step; return the flows of mass and of enthalpy into the chamber.
+
+    Gas is exchanged with supply (``come``) and exhaust (``gone``); the film at the wall is laminar (Nu = 4) or follows
+    Dittus and Boelter about Re = 10 000.
+    """
+    area, length = 0.25 * np.pi * r.D**2, r.L[i] / SEGMENTS
     viscous, turbulent = 32.0 * VISCOSITY / r.D**2, (0.015 / r.D + 0.25 / length) / area  # pipe; pipe and fittings
-    push, segment, first = h * area / length, h * gas / (area * length), h * gas / (area * length + r.Vport)
+    push, per_flow = h * area / length, 0.003 * 4.0 / (np.pi * r.D * VISCOSITY)
     for j in range(SEGMENTS):
         after = y.hp[i, j + 1] if j + 1 < SEGMENTS else p_chamber
-        thinness = 2.0 * gas / (y.hp[i, j] + after)
-        loss = thinness * (viscous + turbulent * abs(y.hq[i, j]))
+        loss = 2.0 * R * y.hT[i, j] / (y.hp[i, j] + after) * (viscous + turbulent * abs(y.hq[i, j]))
         y.hq[i, j] = (y.hq[i, j] + push * (y.hp[i, j] - after)) / (1.0 + h * loss)
-    come = supplied - exhausted
+    q, T = come - gone, y.hT[i, 0]
+    enthalpy = CP * (come * (r.Ta if come > 0.0 else T) - gone * (T if gone > 0.0 else r.Ta))
     for j in range(SEGMENTS):
-        y.hp[i, j] += (first if j == 0 else segment) * (come - y.hq[i, j])
-        come = y.hq[i, j]
-    return come
+        on, T = y.hq[i, j], y.hT[i, j]
+        T_after = y.hT[i, j + 1] if j + 1 < SEGMENTS else T_chamber
+        enthalpy_on = CP * on * (T if on > 0.0 else T_after)
+        film = CONDUCTIVITY * np.pi * length * (4.0 + per_flow * abs(on))
+        y.hm[i, j] += h * (q - on)
+        y.hU[i, j] += h * (enthalpy - enthalpy_on + film * (r.Ta - T))
+        y.hp[i, j] = (KAPPA - 1.0) * y.hU[i, j] / (area * length + (r.Vport if j == 0 else 0.0))
+        y.hT[i, j] = y.hU[i, j] / (CV * y.hm[i, j])
+        q, enthalpy = on, enthalpy_on
+    return q, enthalpy
 
 
 @njit(cache=True, fastmath=True)
@@ -162,17 +173,17 @@ def advance(r, y, first, second, h):
         C_e = r.C_e[i] * opening(r, -s, r.ov_e[i]) + r.C_leak / (1.0 + gap_e / r.lap)
         come, gone = flow(C_s, r.b_s, y.ps, y.hp[i, 0]), flow(C_e, r.b_e, y.hp[i, 0], y.pe)
         supplied, exhausted = supplied + come, exhausted + gone
-        q = through_hose(r, y, i, come, gone, p[i], h)
+        q, enthalpy = through_hose(r, y, i, come, gone, p[i], T[i], h)
         lost = flow(r.leak[i], 0.4, p[i], r.pamb)
         across = -between if i == 0 else between
         hot = T[0] if between > 0.0 else T[1]
         wall = 2.0 * r.A[i] + np.pi * r.bore * (y.x if i == 0 else r.stroke - y.x)
         heat = r.h0 * wall * np.sqrt(p[i] / 4e5) * (r.Ta - T[i])
-        enthalpy = q * (r.Ta if q > 0.0 else T[i]) - lost * (T[i] if lost > 0.0 else r.Ta) + across * hot
+        enthalpy += CP * (across * hot - lost * (T[i] if lost > 0.0 else r.Ta))
         swept = h * r.A[i] * v_new * (1.0 if i == 0 else -1.0)
         work = p[i] * swept * (1.0 - 0.5 * KAPPA * swept / ((KAPPA - 1.0) * y.U[i] / p[i]))  # at the middle of the step
         y.m[i] += h * (q - lost + across)
-        y.U[i] += h * (CP * enthalpy + heat) - work
+        y.U[i] += h * (enthalpy + heat) - work
         y.read[i] += h / (r.tau_p + h) * (p[i] - y.read[i])
     setpoint = r.pset + r.pulse * np.sin(2.0 * np.pi * 1.7 * y.t)
     y.ps += h * R * r.Ta / r.Vb * (r.Greg * (setpoint - y.ps) - supplied)
@@ -254,9 +265,10 @@ def at_rest(r: Record, x: float) -> Record:
     """Return the state of a rig that stands at x."""
     states = np.zeros(1, STATE)
     y, p = states[0], 0.55 * r.pset
-    y.x, y.xl, y.ps, y.pe, y.hp[:], y.read[:] = x, x, r.pset, r.pamb, p, p
+    y.x, y.xl, y.ps, y.pe, y.hp[:], y.read[:], y.hT[:] = x, x, r.pset, r.pamb, p, p, r.Ta
     y.m[:] = p * (r.V0 + r.A * np.array([x, r.stroke - x])) / (R * r.Ta)
-    y.U[:] = y.m * CV * r.Ta
+    y.hm[:] = (0.25 * np.pi * r.D**2 * r.L[:, None] / SEGMENTS + r.Vport * np.eye(1, SEGMENTS)) * p / (R * r.Ta)
+    y.U[:], y.hU[:] = y.m * CV * r.Ta, y.hm * CV * r.Ta
     return states
 
 

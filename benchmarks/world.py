@@ -169,10 +169,12 @@ class Fault:
         return EFFECTS.get(self.name) or UNKNOWN[self.name]
 
 
-def drawn_faults(kind: int, rng: Generator) -> list[Fault]:
-    """Return the faults of a rig; two of them are not alike."""
+def drawn_faults(kind: int, rng: Generator, *, of_sensors: bool) -> list[Fault]:
+    """Return the faults of a rig, two of them not alike; with or without those of sensors alone."""
+    catalogue = UNKNOWN if kind < 0 else EFFECTS
+    choices = [name for name, changes in catalogue.items() if of_sensors or changes[0].name not in UNSEEN]
     while True:
-        names = [str(rng.choice(list(UNKNOWN)))] if kind < 0 else list(map(str, rng.choice(list(EFFECTS), kind, False)))
+        names = [str(name) for name in rng.choice(choices, abs(kind), replace=False)]
         if not any(len(group & set(names)) > 1 for group in ALIKE):
             return [Fault(name, rng.random((3, 2))) for name in names]
 
@@ -375,8 +377,8 @@ def built(family: str, kind: int, seed: Sequence[int], seconds: tuple[float, flo
     kinds = [("moves", "train"), ("steps", "train"), *((one, "train") for one in others)]
     kinds += [(pick(rng, ("moves", "steps")), "test")]
     plan = [(str(one), use, between(rng, seconds or MACHINES[family].seconds)) for one, use in kinds]
-    for _ in range(4):
-        case = Built(healthy, healthy, stated, drawn_faults(kind, rng))
+    for attempt in range(5):  # faults of sensors are not judged: they are no second choice
+        case = Built(healthy, healthy, stated, drawn_faults(kind, rng, of_sensors=attempt == 0))
         if not case.faults or is_visible(case, plan[:3], seed):
             break
     case.runs = recordings(case.rigs, stated, plan, seed, STEP)
