@@ -223,8 +223,9 @@ def without(rigs: Record, healthy: Record, fault: Fault) -> Record:
     bare = rigs.copy()
     for change in fault.changes:
         bare[change.name] = healthy[change.name] if change.null is None else change.null
-        if fault.name == "stribeck":
-            bare["Fs"] = rigs["Fc"]
+    if fault.name == "stribeck":
+        bare["Fs"] = rigs["Fc"]
+    bare["V0"] += 0.25 * np.pi * rigs["D"][0] ** 2 * (rigs["L"] - bare["L"])  # the stated volume has the whole hose
     return bare
 
 
@@ -301,12 +302,12 @@ class Fit:
     The fit is linear, in the parameters of ``NUISANCES``, about the true rig.
     """
 
-    def __init__(self, rigs: Record, runs: Sequence[Run], stated: Mapping[str, Any]) -> None:
+    def __init__(self, healthy: Record, runs: Sequence[Run], stated: Mapping[str, Any]) -> None:
         self.runs, self.stated = runs, stated
         base = self.replayed()
         moved = [(self.replayed({name: by}) - base).ravel() for name, by in NUISANCES.items()]
         self.tangents = np.linalg.qr(np.stack([one / np.linalg.norm(one) for one in moved if one.any()], axis=1))[0]
-        rest = self.unfitted(self.replayed(whole=textbook(rigs, stated)), base)
+        rest = self.unfitted(self.replayed(whole=textbook(healthy, stated)), self.replayed(whole=healthy))
         self.power = np.mean(rest**2, axis=0) + 1.0
 
     def replayed(self, change: Mapping[str, float] | None = None, whole: Record | None = None) -> Array:
@@ -354,7 +355,7 @@ def is_visible(case: Built, plan: Plan, seed: Sequence[int]) -> bool:
     for attempt in range(3):
         case.rigs = faulty(case.healthy, case.faults, case.stated["leans"])
         runs = recordings(case.rigs, case.stated, plan, seed, COARSE_STEP)
-        fit = fit or Fit(case.rigs, runs, case.stated)
+        fit = fit or Fit(case.healthy, runs, case.stated)
         for fault in case.faults:
             fault.share = fit.share(fault, case.rigs, case.healthy, runs)
         off = [f for f in case.faults if f.share is not None and not VISIBLE[0] <= f.share <= VISIBLE[1]]
@@ -468,7 +469,9 @@ def modelled_effects(case: Built) -> list[str]:
 
 def truth(case: Built) -> dict[str, Any]:
     """Return what is true of a case."""
-    r, h, stated, hidden = case.rigs[0], case.healthy[0], case.stated, [f for f in case.faults if f.name in EFFECTS]
+    r, h, stated = case.rigs[0], case.healthy[0], case.stated
+    named = [fault for fault in case.faults if fault.name in EFFECTS]
+    hidden = [fault for fault in named if fault.share is None or fault.share >= VISIBLE[0]]
     small = {"valve-lag": 2.0 * h.zeta / h.omega, "line-delay": float(np.max(h.L)) / SOUND,
              "valve-hysteresis": h.play * stated["full"], "valve-leak": h.C_leak / AREA,
              "presliding": h.Fs / h.presl, "pressure-friction": h.pgain, "pressure-lag": h.tau_p,
@@ -477,6 +480,7 @@ def truth(case: Built) -> dict[str, Any]:
     if not stated["supply_logged"]:
         small["supply-droop"] = h.Greg
     names = {fault.name for fault in hidden}
+    small |= {fault.name: fault.share for fault in named}  # where it does not show
     return {
         "hidden": [fault.name for fault in hidden],
         "unknown": [fault.name for fault in case.faults if fault.name not in EFFECTS],
