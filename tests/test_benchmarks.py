@@ -11,7 +11,7 @@ from benchmarks import loop, robust
 from benchmarks.cost import IMPORTS, PHASES
 
 ROOT = Path(__file__).parents[1]
-SHARED = {"cases", "door_pages", "rigs"}
+SHARED = {"axis", "cases", "door_pages", "rigs"}
 TESTED_ELSEWHERE = {("simulate", "kernel")}  # tests/simulate/test_benchmark.py
 NEED_GCC = {
     ("simulate", "fmu"),
