@@ -18,7 +18,7 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
     rigid piston [S_ELASTIC = 0]: breakaway_ramp
       RAMP     the release force [S_RELEASE_FORCE] rises: fast up to 92 % of the last break-away force, then slowly;
                it stops where the pressures are saturated
-        error changes its sign: ramp gain x 0.5 (>= 0.03); once below 1 also dead-band gain x 1.5
+        error changes its sign: ramp gain x 0.5 (>= 0.1); once below 1 also dead-band gain x 1.5
                                 (<= C_DEADBAND_GAIN_MAX)
         -> SLIDING   motion is detected [S_MOVING_COUNT > 0] in the direction of the release force
       SLIDING  first sample after a rest of more than 0.5 C_MOTION_WINDOW: record break-away force and position
@@ -223,7 +223,8 @@ def is_force_saturated(error, s, c):
 def slow_down_after_overshoot(error, s, c):
     """Halve the ramp rate at each change of the error's sign; from the third overshoot on also widen the dead band."""
     if error * s[S_LAST_SIGN] < 0.0:
-        s[S_RAMP_GAIN] = max(0.5 * s[S_RAMP_GAIN], 0.03)
+        # at a tenth the force rises by 4 % of break-away in 15 ms: slower, jumps are no shorter, reversals take seconds
+        s[S_RAMP_GAIN] = max(0.5 * s[S_RAMP_GAIN], 0.1)
         if s[S_RAMP_GAIN] < 1.0:
             widen_by_half(s, c)
     s[S_LAST_SIGN] = sign(error)
