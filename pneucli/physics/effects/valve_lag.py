@@ -44,6 +44,8 @@ def drive(u: float, s: float, opening: float, h: float, time_constant: float, ro
     >>> drive(1.0, 0.0, 0.0, 1e-3, 5e-3, 0.0)
     (1.0, 1.0)
     """
+    if time_constant <= 0.0:
+        return u, u
     return lagged(u + 0.25 * roundness * (s - opening), s, h, 0.25 * roundness * time_constant)
 
 
@@ -85,12 +87,13 @@ EFFECT = Effect(
         Parameter(
             "roundness",
             "1",
-            0.0,
+            None,
             0.0,
             4.0,  # a damping ratio of 0.5
             (1.0, 2.0),
             "of the begin of a step: 1 over the square of the damping ratio",
             refines=True,
+            unrefined=0.0,
         ),
     ),
     ports={"drive": drive, "command": command},
