@@ -81,6 +81,11 @@ def check_effect(effect: Effect) -> None:
     >>> check_effect(catalogue()["stribeck"])
     """
     for name, function in effect.ports.items():
+        needed = PORTS[name].before
+        if needed is not None and needed not in effect.ports:
+            raise EquationError(
+                f'port {name}: it acts nowhere without the port "{needed}"', f'a function at "{needed}"'
+            )
         try:
             _check_arguments(_require_plain_function(function), name, effect)
             for one in _with_helpers(_require_plain_function(function)):

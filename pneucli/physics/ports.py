@@ -25,6 +25,7 @@ class Port:
         memory: Whether its value depends on the past without a ``state``.
         distinct_with: Ports of other effects with which an effect that enters here changes the model at any value,
             its null included.
+        before: Port of the same effect, without which it acts nowhere, just before which it acts.
     """
 
     arguments: tuple[str, ...]
@@ -34,6 +35,7 @@ class Port:
     is_set_valued: bool = False
     memory: bool = False
     distinct_with: tuple[str, ...] = ()
+    before: str | None = None
 
     @property
     def has_memory(self) -> bool:
@@ -53,6 +55,7 @@ PORTS: dict[str, Port] = {
         "state",
         "gas",
         "V: the command that the effect's own opening follows at its port command",
+        before="command",
     ),
     "command": Port(("u", "s", "h"), "state", "gas", "V: the command that the opening follows; h is the step in s"),
     "switched": Port(

@@ -60,7 +60,7 @@ ENTRY_POINTS = (
     "run_gradient",
 )
 
-PRECEDING = {"command": "drive"}  # a port of the same effect that acts just before
+PRECEDING = {port.before: name for name, port in PORTS.items() if port.before is not None}
 CALLED = ("advance",)  # twice, and too long to be inlined twice
 
 # the kernel of dual numbers: a recording whose motion is given, from what its gas depends on
@@ -212,7 +212,7 @@ def source(
         _constants(),
         _functions(gas) + "\n",
         *(_equations(effect) for effect in effects),
-        *(_port(name, effects) for name in PORTS if name not in PRECEDING.values()),
+        *(_port(name, effects) for name, port in PORTS.items() if port.before is None),
         *(_port(name, effects) for name in ("has_heat", "has_slowing", "has_switched", "has_filling")),
         _scalars(effects),
         physics,
@@ -318,7 +318,7 @@ def _scalars(effects: Sequence[Effect]) -> str:
 
 def _port_contribution(name: str, effect: Effect, states: tuple[str, str], begin: int, value: str) -> str:
     port = PORTS[name]
-    own, other = states if name not in PRECEDING.values() else states[::-1]
+    own, other = states if port.before is None else states[::-1]
     arguments = [{"s": own, "opening": other}.get(a, a) for a in port.arguments]
     arguments += [f"th[{begin + j}]" for j in range(len(effect.parameters))]
     call = f"{_prefix(effect)}__{effect.ports[name].__name__}({', '.join(arguments)})"

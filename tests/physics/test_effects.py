@@ -330,8 +330,9 @@ def test_a_plugin_joins_the_catalogue(tmp_path: Path) -> None:
         ("import nothing_of_that_name", "does not run"),
         ("def force(:", "does not run"),
         (PLUGIN.replace('{"force"', '{"farce"'), 'did you mean "force"'),
+        (PLUGIN.replace('{"force"', '{"drive"'), 'acts nowhere without the port "command"'),
     ],
-    ids=["absent", "empty", "no effect", "import", "syntax", "port"],
+    ids=["absent", "empty", "no effect", "import", "syntax", "port", "port alone"],
 )
 def test_a_bad_plugin_says_what_is_wrong(tmp_path: Path, text: str | None, message: str) -> None:
     file = tmp_path / "own.py"
