@@ -12,7 +12,7 @@ import re
 from dataclasses import replace
 from functools import lru_cache
 
-from pneucli.errors import UnitError, did_you_mean
+from pneucli.errors import InputError, UnitError, did_you_mean
 from pneucli.unit_table import (
     DIMENSIONLESS,
     NAMES,
@@ -41,6 +41,7 @@ __all__ = [
     "parse_scaled_unit",
     "parse_unit",
     "parse_unit_as",
+    "read_quantity",
     "same_dimension",
 ]
 
@@ -248,6 +249,14 @@ def parse_quantity(
         raise UnitError(f'"{value}" has not the dimension of {unit}; wanted {wanted}')
     factor, offset = factor_and_offset(parts[2], ambient_pressure, unit)
     return _finite(factor * number + (0.0 if difference else offset), value)
+
+
+def read_quantity(value: str | float, unit: str, where: str, code: str = "E024", *, difference: bool = False) -> float:
+    """Return :func:`parse_quantity` of a value that stands at ``where``; raises InputError in place of UnitError."""
+    try:
+        return parse_quantity(value, unit, difference=difference)
+    except UnitError as error:
+        raise InputError(where, str(error), f'a quantity such as "1 {unit}"', code=code) from error
 
 
 def _finite(number: float, value: object) -> float:
