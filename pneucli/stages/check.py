@@ -15,7 +15,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.identify import Assumption
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import RequiredInput, assumptions, required_inputs
@@ -61,11 +61,9 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Checked:
+class Checked(StageAnswer):
     """The answer of ``check``."""
 
-    schema: str
-    pipeline: str
     recordings: Sequence[CheckedRecording]
     missing: Sequence[RequiredInput]
     assumed: Sequence[Assumption]
