@@ -58,7 +58,7 @@ PHASES = {
     "costs and tests": [("diagnose/data.py", name) for name in ("fitted_model", "candidate")],
     "lack of fit": [("diagnose/data.py", "lack_of_fit")],
     "smooth terms": [("diagnose/spline_regression.py", name) for name in ("_term_designs", "_fit_smooth_term")],
-    "equivalents": [("diagnose/decision.py", "equivalents")],
+    "equivalents": [("diagnose/equivalence.py", "equivalents")],
     "free-run error": [("diagnose/free_run_error.py", "channels")],
     "intervals": [("estimation/intervals.py", "with_intervals")],
     "detectability": [("diagnose/diagnosis.py", "minimum_detectable_effects")],

@@ -1,6 +1,6 @@
 """The diagnosis against the truth: ``python -m benchmarks.diagnosis calibration|intervals|limit|plan``.
 
-``calibration [--answers FOLDER] [EXAM...]`` estimates the logistic model of ``pneucli.diagnose.decision``, and
+``calibration [--answers FOLDER] [EXAM...]`` estimates the logistic model of ``pneucli.diagnose.calibration``, and
 judges it by worlds that it has not seen:
 
     pneucli exam A --condition messy --cases 60 --nulls 30 --seed 5550123
@@ -69,9 +69,11 @@ from benchmarks import rigs
 from benchmarks.cases import CLOSE, SEALED, Truth, judged, truth_of, truths, worlds
 from benchmarks.score import essence, measured
 from pneucli.arrays import Array
+from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Reason
 from pneucli.diagnose.data import DiagnosisData, folds_of
-from pneucli.diagnose.decision import Evidence, Term, judge, probability
+from pneucli.diagnose.decision import judge
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.free_run_error import FreeRunErrors
 from pneucli.diagnose.subsample import MAX_SAMPLES
 from pneucli.exam.cases import PlannedCase, generate_case, plan_cases, prepare_case

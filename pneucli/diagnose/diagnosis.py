@@ -10,18 +10,13 @@ import numpy as np
 from scipy.special import softmax
 
 from pneucli.diagnose.adequacy import LackOfFit, significant_lack_of_fit
+from pneucli.diagnose.calibration import Evidence, likelihood_shares, presence_rate
 from pneucli.diagnose.candidate import Candidate, Decision
 from pneucli.diagnose.constraints import has_null, interval_contains_null, violated_constraint
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.decision import (
-    Evidence,
-    Judgement,
-    Term,
-    likelihood_shares,
-    log_odds_among_equivalents,
-    presence_rate,
-)
+from pneucli.diagnose.decision import Judgement, log_odds_among_equivalents
 from pneucli.diagnose.discrepancy import UnexplainedResidual, describe_discrepancies, describe_lack_of_fit
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.evidence import SetProbability, set_probabilities
 from pneucli.diagnose.score import FittedModel
 from pneucli.diagnose.selection import SelectionPath, select_effects, unsearched_path

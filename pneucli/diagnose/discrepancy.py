@@ -13,7 +13,7 @@ import numpy as np
 from pneucli.arrays import Array
 from pneucli.diagnose.adequacy import MIN_TRIMMED_RATIO, LackOfFit
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.decision import CHANCE_COST_RATIO
+from pneucli.diagnose.equivalence import CHANCE_COST_RATIO
 from pneucli.diagnose.spline_regression import SmoothTerm
 from pneucli.identify.estimation.fit import Fit
 from pneucli.identify.residuals import ResidualModel

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from pneucli.diagnose.adequacy import LackOfFit
+from pneucli.diagnose.calibration import Evidence, probability
 from pneucli.diagnose.candidate import Candidate, Decision, Reason, supported_candidates
 from pneucli.diagnose.constraints import (
     IMPOSSIBLE,
@@ -21,17 +22,8 @@ from pneucli.diagnose.constraints import (
     violations_of_estimate,
 )
 from pneucli.diagnose.data import CONVERGED_COST_RATIO, DiagnosisData, Refit, ScreenedEffect, lack_of_fit
-from pneucli.diagnose.decision import (
-    Evidence,
-    Judgement,
-    Term,
-    best_candidate,
-    is_complete,
-    judge,
-    log_odds_among_equivalents,
-    not_inferior,
-    probability,
-)
+from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
+from pneucli.diagnose.equivalence import Term, best_candidate, not_inferior
 from pneucli.diagnose.evidence import holm_adjusted
 from pneucli.diagnose.score import FittedModel
 from pneucli.memory import release_free_memory

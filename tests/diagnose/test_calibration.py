@@ -5,9 +5,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from pneucli.diagnose import decision as calibration
+from pneucli.diagnose import calibration
+from pneucli.diagnose.calibration import MIN_NAMED_PROBABILITY, Evidence, likelihood_shares, presence_rate, probability
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.decision import MIN_NAMED_PROBABILITY, Evidence, likelihood_shares, presence_rate, probability
 from pneucli.diagnose.score import FittedModel
 from tests.diagnose.candidates import costing
 

@@ -13,8 +13,8 @@ from pneucli.diagnose import data as data_module
 from pneucli.diagnose import diagnosis as visible
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.decision import not_inferior
 from pneucli.diagnose.diagnosis import _parameter_shifts
+from pneucli.diagnose.equivalence import not_inferior
 from pneucli.diagnose.evidence import (
     effective_degrees_of_freedom,
     holm_adjusted,

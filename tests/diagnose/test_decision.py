@@ -5,17 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from pneucli.diagnose.calibration import Evidence, presence_rate, probability
 from pneucli.diagnose.candidate import Reason
-from pneucli.diagnose.decision import (
-    Evidence,
-    Judgement,
-    Term,
-    is_complete,
-    judge,
-    log_odds_among_equivalents,
-    presence_rate,
-    probability,
-)
+from pneucli.diagnose.decision import Judgement, is_complete, judge, log_odds_among_equivalents
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.score import ErrorsByUse
 from pneucli.simulate.model import Model
 from tests.diagnose.candidates import StatedErrors

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pneucli.diagnose.decision import WEIGHTS_DISCREPANCY, presence_rate, probability
+from pneucli.diagnose.calibration import WEIGHTS_DISCREPANCY, presence_rate, probability
 from pneucli.diagnose.diagnosis import Diagnosis, diagnose
 from pneucli.diagnose.score import FittedModel
 from pneucli.messages.compare import LackOfFit, WorstChannel

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pneucli.diagnose.candidate import Candidate
-from pneucli.diagnose.decision import best_candidate, not_inferior
+from pneucli.diagnose.equivalence import best_candidate, not_inferior
 from tests.diagnose.candidates import candidate, model_fit, shaky
 
 BEFORE = model_fit(cost=400_000.0)

@@ -7,7 +7,7 @@ import pytest
 
 from pneucli.diagnose.candidate import Candidate
 from pneucli.diagnose.data import DiagnosisData
-from pneucli.diagnose.decision import Term
+from pneucli.diagnose.equivalence import Term
 from pneucli.diagnose.score import Bounds, ChannelCost, FittedModel, RecordingCost
 from tests.diagnose.candidates import BLOCKS, SAMPLES, candidate, costing, diagnosis_data, model_fit
 
