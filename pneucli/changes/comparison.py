@@ -1,15 +1,15 @@
-"""Comparison of two sets of recordings of one rig: hypothesis tests of what changed.
+"""Compare two sets of recordings of one rig: which of its quantities changed by more than errors and repeats allow.
 
 Both sets were fitted with the same model (:mod:`pneucli.changes.baseline`). Without a change their estimates differ by
-their errors only. Each hypothesis is that one quantity changed: a parameter, all areas of a valve by one factor, or an
-effect that the model lacks and that came, went or grew. It is tested with everything else held constant, which makes a
-small change detectable. What the model lacks in both sets is in both baselines and does not count.
+their errors, and by the rig's repeatability: the variance of its parameters from one healthy date to another. Each
+hypothesis is that one quantity changed: a parameter, all areas of a valve by one factor, or an effect that the model
+lacks and that came, went or grew. It is tested with everything else held constant, which makes a small change
+detectable. What the model lacks in both sets is in both baselines and does not count.
 
-Repeatability of a rig: the variation of its parameters from one healthy date to another, in excess of their errors.
-
-Each healthy date is compared with the same old model. The variance between dates is divided by the mean variance of the
-estimates. Few dates determine this ratio badly, so it is shrunk toward the distribution of many ratios (of all rigs of
-a fleet, or of all quantities of the rig). Source: G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 3 (2004) 3.
+For the repeatability each healthy date is compared with the same old model; the variance between dates is divided by
+the mean variance of the estimates. Few dates determine this ratio badly, so it is shrunk toward the distribution of
+many ratios (of all rigs of a fleet, or of all quantities of the rig). Source: G. K. Smyth, Stat. Appl. Genet. Mol.
+Biol. 3 (2004) 3.
 """
 
 from __future__ import annotations

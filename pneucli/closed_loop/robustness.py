@@ -23,7 +23,7 @@ from pneucli.closed_loop.metrics import Metrics, evaluate_run
 from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario, simulate
 from pneucli.controller.codegen import controller_source
 from pneucli.controller.parameters import Controller
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.executors import Engine, run_jobs
 from pneucli.io.artifacts import write_text
 from pneucli.messages.simulate import SuccessRate
@@ -63,8 +63,7 @@ class MonteCarloSettings:
 def read_settings(table: Mapping[str, Any], where: str) -> MonteCarloSettings:
     """Return the settings of a ``[[scenarios]]`` table; raises InputError for a key or value that cannot be read."""
     for key in table:
-        if key not in SETTING_KEYS:
-            raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, SETTING_KEYS), code="E021")
+        require_known([key], SETTING_KEYS, f"{where}.{key}", "unknown key", code="E021")
     usual = MonteCarloSettings()
     return MonteCarloSettings(
         _count(table.get("runs", usual.runs), f"{where}.runs", 1),
@@ -84,8 +83,7 @@ def _numbers(values: Any, where: str, known: Sequence[str]) -> dict[str, float]:
     if not isinstance(values, Mapping):
         raise InputError(where, f"{values}", "a table of numbers", code="E023")
     for name, value in values.items():
-        if name not in known:
-            raise InputError(f"{where}.{name}", "unknown key", mend=did_you_mean(name, known), code="E021")
+        require_known([name], known, f"{where}.{name}", "unknown key", code="E021")
         if not isinstance(value, int | float) or value < 0:
             raise InputError(f"{where}.{name}", f"{value}", "a number, not below 0", code="E023")
     return {name: float(value) for name, value in values.items()}

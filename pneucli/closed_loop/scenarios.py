@@ -12,9 +12,9 @@ from pneucli.closed_loop.simulation import Scenario
 from pneucli.controller import layout
 from pneucli.controller.parameters import Controller, nominal_load
 from pneucli.design.bandwidths import chamber_2_pressure
-from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.messages.formatting import format_plain
-from pneucli.units import parse_quantity
+from pneucli.units import read_quantity
 
 Recorded = Mapping[str, tuple[Array, Array]]
 PRESSURE_SUFFIX = ", pressure"  # behind a recording's name: what was asked of its pressure
@@ -94,8 +94,7 @@ def read_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     for key, value in table.items():
         values[key] = _read(key, value, "Pa" if pressed and key in PRESSURE_KEYS else UNITS.get(key, ""), where)
     for key, known in (("reference", REFERENCES), ("control", CONTROLS)):
-        if values[key] not in known:
-            raise InputError(f"{where}.{key}", f'"{values[key]}"', mend=did_you_mean(values[key], known), code="E023")
+        require_known([values[key]], known, f"{where}.{key}", code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not values.get(key, 1.0) > 0.0:
             raise InputError(f"{where}.{key}", f"{format_plain(values[key])}", "above 0", code="E023")
@@ -110,13 +109,9 @@ def _read(key: str, value: Any, unit: str, where: str) -> Any:
         if not isinstance(value, str):
             raise InputError(f"{where}.{key}", f"{value}", "a text", code="E023")
         return value
-    if key not in UNITS:
-        raise InputError(f"{where}.{key}", "unknown key", mend=did_you_mean(key, [*TEXT_KEYS, *UNITS]), code="E021")
+    require_known([key], [*TEXT_KEYS, *UNITS], f"{where}.{key}", "unknown key", code="E021")
     several = value if key == "points" and isinstance(value, list) and value else [value]
-    try:
-        found = [parse_quantity(one, unit, difference=key == "supply_drop") for one in several]
-    except UnitError as error:
-        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {unit}"', code="E024") from error
+    found = [read_quantity(one, unit, f"{where}.{key}", difference=key == "supply_drop") for one in several]
     return found if key == "points" else found[0]
 
 
@@ -204,8 +199,7 @@ def _recorded(values: Mapping[str, Any], time: Array, recorded: Recorded, where:
     known = {
         key.removesuffix(PRESSURE_SUFFIX): v for key, v in recorded.items() if key.endswith(PRESSURE_SUFFIX) == pressed
     }
-    if name not in known:
-        wanted = "a recording with p_ref or p1" if pressed else "a recording with x_ref or x"
-        raise InputError(f"{where}.recording", f'"{name}"', wanted, did_you_mean(name, known), code="E091")
+    wanted = "a recording with p_ref or p1" if pressed else "a recording with x_ref or x"
+    require_known([name], known, f"{where}.recording", wanted=wanted, code="E091")
     at, asked = known[name]
     return np.asarray(np.interp(time, at - at[0], asked))

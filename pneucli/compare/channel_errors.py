@@ -1,8 +1,7 @@
-"""The errors of a model by channel (interface, section 3), and the correlation of residuals.
+"""The errors of a model by channel (interface, section 3), and the correlation of its residuals.
 
-Correlation of a residual with itself and with the inputs over the lag, and its bounds under independence.
-
-The residual of a correct model is independent of the inputs.
+The residual of a correct model is independent of the inputs: its correlation with them, and with itself over the lag,
+stays within bounds.
 
 References:
     M. S. Bartlett, J. R. Statist. Soc. Suppl. 8 (1946) 27-41.

@@ -2,16 +2,14 @@
 
 ``compare`` and ``diagnose`` state it as ``lack_of_fit``; every sentence, tile, next step and exit code follows from it.
 
+The printed error is that of segments between restarts, a horizon apart, in which a slow error stays small: a model may
+follow every second of a recording and miss all of it. The free run, over a whole recording, is therefore judged too.
+
 Errors of segments beside a break-away, and beyond the range of what was fitted, say nothing of the model. Whether a
 piston breaks away before a restart or after it decides on the error of all that follows, up to the next one: it may be
 a hundred times that of any other segment, and a few draws of the noise hold too few such segments to know how frequent
 and how large they are. All that is known is that the segments of a correct model and those of its draws are alike, in
 whatever order of size. Where a restart falls on the break-away itself its velocity is not even known.
-
-The free run: the model over a whole recording, started once.
-
-Between restarts, a horizon apart, a slow error stays small. A model may follow every second of a recording and miss
-all of it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pneucli.arrangements import ARRANGEMENTS
 from pneucli.config.load import line_of
 from pneucli.config.pipeline_tables import MoreTable, PipelineConfig, RecordingTable
 from pneucli.config.signal_tables import SignalTable
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, did_you_mean, require_known
 from pneucli.experiments import EXPERIMENT_KINDS
 
 
@@ -160,15 +160,8 @@ def _tables_by_use(table: RecordingTable, found: list[Path], where: str) -> list
 
 
 def _check_take(table: RecordingTable, signals: dict[str, SignalTable], where: str) -> None:
-    for name in table.take or []:
-        if name not in signals and name not in table.held_constant:
-            raise InputError(
-                f"{where}, key take",
-                f'"{name}" is not described',
-                "a signal of [signals]",
-                did_you_mean(name, signals),
-                code="E091",
-            )
+    read = [name for name in table.take or [] if name not in table.held_constant]
+    require_known(read, signals, f"{where}, key take", '"{}" is not described', "a signal of [signals]", code="E091")
 
 
 def _names(name: str | None, found: list[Path], part: int | None) -> list[str]:

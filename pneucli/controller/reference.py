@@ -1,10 +1,8 @@
-"""Reference of the controller: a position shaped to the limits of the axis, or a pressure.
+"""Reference of the controller: a position shaped to the limits of the axis, and the level of the pressures.
 
-The pressure level: where two valves drive the chambers, the mean of both pressures is free; stiffness goes by it.
-
-The enclosed gas is a spring of ``gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, thesis (2.14). The level is a reference beside
-that of the position: as designed, as a stiffness asks, or as set while it runs; it moves no faster than the valves can
-follow.
+Where two valves drive the chambers, the mean of both pressures is free, and stiffness goes by it: the enclosed gas is a
+spring of ``gamma (A1^2 p1 / V1 + A2^2 p2 / V2)``, thesis (2.14). This level is a second reference: as designed, as a
+stiffness asks, or as set while it runs; it moves no faster than the valves can follow.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN

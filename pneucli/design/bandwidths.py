@@ -1,23 +1,17 @@
-"""Rules for the bandwidths of loops and observers, their gains, and limits of the shaped reference.
+"""Rules for the bandwidths of loops and observers, for their gains, and for the limits of the shaped reference.
 
 - Pressure loop: corner 0.7 over the unpredicted lags and delays, half a sample of the hold included, at most
   0.8 / period.
 - Observers: those of pressure have the corner of the pressure loop, that of motion too, at most
   ``sqrt(0.1 coulomb / (mass noise))``, so that noise of x changes the load estimate by less than a tenth of friction.
-- Position loop: corner of the pressure loop / 10; :mod:`pneucli.design.bandwidths` places its poles.
+- Position loop: corner w of the pressure loop / 10; its poles are those of ``(s + w)(s^2 + 2 damping w s + w^2)``.
 - Sector: steeper line ``min(0.2 / period, pressure corner / 5)``, see :mod:`pneucli.design.sliding`.
+- Reference: at most 0.7 of the speed that the slower direction of the valve reaches, anywhere in the middle 60 % of the
+  stroke with pressures well within their range, and the acceleration whose force this direction builds within half the
+  time constant of the position loop.
 
-Gains of the loops and observers, from their bandwidths.
-
-The position loop has the poles of ``(s + w)(s^2 + 2 damping w s + w^2)``. Source: pole placement after Ackermann, for
-example G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic Systems, Addison-Wesley 1998, chapter 8.
-
-Limits of the shaped reference: what the valve can make the piston do.
-
-The largest speed is 0.7 of the speed that the slower direction of the valve reaches, anywhere in the middle 60 % of the
-stroke with pressures well within their range. The largest acceleration is that whose force this direction builds within
-half the time constant of the position loop. Source: thesis (2.46-2.52) for what the valve can do; the shares are the
-project's own.
+Source: pole placement after Ackermann, for example G. F. Franklin, J. D. Powell, M. Workman, Digital Control of Dynamic
+Systems, Addison-Wesley 1998, chapter 8; thesis (2.46-2.52) for what the valve can do; the shares are the project's own.
 """
 
 from __future__ import annotations

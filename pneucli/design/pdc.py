@@ -1,16 +1,15 @@
-"""Parallel distributed compensation of a TP model by linear matrix inequalities (Tanaka and Wang).
+"""Parallel distributed compensation of the axis' TP model by linear matrix inequalities (Tanaka and Wang).
 
-``dx/dt = sum w_r (A_r x + B_r u)``, ``u = - sum w_r F_r x``. With X > 0 and M_r = F_r X, for all r and all r < q:
+The TP model, over speed and position, is ``dx/dt = sum w_r (A_r x + B_r u)``. Its states are the position error x (m),
+the speed v (m/s) and the pressure force F (N) about equilibrium, its input is the gas flow q (kg/s):
+``dv/dt = F / m - a22(v) v``, ``dF/dt = - k(x) v + g(x) q`` with the stiffness k of both chambers (thesis, 2.47-2.52).
+
+The law is ``u = - sum w_r F_r x``. With X > 0 and M_r = F_r X, for all r and all r < q:
 ``G_rr + 2 a X < 0``, ``(G_rq + G_qr) / 2 + 2 a X <= 0`` where ``G_rq = A_r X + X A_r' - B_r M_q - M_q' B_r'``: the
 state decays at the rate a. The input stays below u_max from x0 on where ``[1 x0'; x0 X] >= 0`` and
 ``[X M_r'; M_r u_max^2] >= 0``.
 Needs the extra ``lmi`` (cvxpy, Clarabel). States and input are normalised first; only the status ``optimal`` counts,
 and every solution is checked by eigenvalues afterwards.
-
-TP model of the axis over speed and position, and the weight types that its PDC allows.
-
-States: position error x (m), speed v (m/s), pressure force F (N) about equilibrium; input: gas flow q (kg/s).
-``dv/dt = F / m - a22(v) v``, ``dF/dt = - k(x) v + g(x) q`` with the stiffness k of both chambers (thesis, 2.47-2.52).
 """
 
 from __future__ import annotations

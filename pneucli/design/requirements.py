@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from pneucli.controller.laws import find_law
-from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.messages.formatting import format_plain
-from pneucli.units import parse_quantity
+from pneucli.units import read_quantity
 
 PERIOD_RANGE = (1e-5, 1.0)  # s, of a controller
 
@@ -97,35 +97,20 @@ def read_requirements(table: Mapping[str, Any], where: str, **known: Any) -> Req
         if key in VALUE_READERS:
             values[key] = VALUE_READERS[key](value, f"{where}.{key}")
             continue
-        if key not in UNITS:
-            raise InputError(
-                f"{where}.{key}",
-                "unknown key",
-                mend=did_you_mean(key, [f.name for f in fields(Requirements)]),
-                code="E021",
-            )
-        values[key] = _positive(value, key, where)
+        require_known([key], [f.name for f in fields(Requirements)], f"{where}.{key}", "unknown key", code="E021")
+        values[key] = _positive(value, key, f"{where}.{key}")
     return Requirements(**values)
 
 
 def _positive(value: Any, key: str, where: str) -> float:
-    try:
-        number = parse_quantity(value, UNITS[key])
-    except UnitError as error:
-        raise InputError(f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS[key]}"', code="E024") from error
+    number = read_quantity(value, UNITS[key], where)
     if not number > 0.0 and key not in ("noise_x", "quantum_x", "noise_p", "delay"):
-        raise InputError(f"{where}.{key}", f"{format_plain(number)}", "above 0", code="E023")
+        raise InputError(where, format_plain(number), "above 0", code="E023")
     if key == "sector_ratio" and number <= 1.0:
-        raise InputError(
-            f"{where}.{key}", f"{format_plain(number)}", "above 1: the slope of one line over the other's", code="E023"
-        )
+        raise InputError(where, format_plain(number), "above 1: the slope of one line over the other's", code="E023")
     if key == "period" and not PERIOD_RANGE[0] <= round(number, 9) <= PERIOD_RANGE[1]:
-        raise InputError(
-            f"{where}.{key}",
-            f"{format_plain(number)} s",
-            f"from {format_plain(PERIOD_RANGE[0])} s to {format_plain(PERIOD_RANGE[1])} s",
-            code="E023",
-        )
+        wanted = f"from {format_plain(PERIOD_RANGE[0])} s to {format_plain(PERIOD_RANGE[1])} s"
+        raise InputError(where, f"{format_plain(number)} s", wanted, code="E023")
     return number
 
 

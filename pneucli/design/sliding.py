@@ -1,13 +1,12 @@
-"""Regular form, matching condition and sliding surfaces of linear systems (thesis 5.1, 5.2, 7.1).
+"""Sliding mode of linear systems: regular form, matching condition, surfaces (thesis 5.1, 5.2, 7.1), and the sector.
 
 ``dx/dt = A x + B u + E d`` with m inputs. A disturbance in the span of B is matched (Drazenovic): it does not act in
 sliding mode. Friction and load of the pneumatic axis act on the velocity, where the valve does not act; hence the
 cascade of two subsystems that each satisfy the condition.
 
-The sliding sector from the vertices of the TP friction model (thesis 5.4, 6.2).
-
-The piston is ``dv/dt = F / m - a22(v) v``; a22 lies between two vertices a1 < a2. The sector lies between the lines
-``s_r = x2 + lambda_r x1`` of the position error x1 and its rate x2. The same equivalent force on both lines needs
+The sliding sector (thesis 5.4, 6.2) takes friction into account: the piston is ``dv/dt = F / m - a22(v) v``, and a22
+lies between two vertices a1 < a2 of the TP friction model. The sector lies between the lines ``s_r = x2 + lambda_r x1``
+of the position error x1 and its rate x2. The same equivalent force on both lines needs
 ``lambda2 - lambda1 = a2 - a1``, and with the width ``alpha = lambda2 / lambda1`` follows
 ``lambda1 = (a2 - a1) / (alpha - 1)`` (6.18-6.20).
 

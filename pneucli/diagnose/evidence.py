@@ -1,14 +1,14 @@
-"""Evidence for an effect: gains of the cost by block of time, Wald tests of its parameters, and its relative size.
+"""The evidence for an effect, from its fit alone and from every set of effects that a search has fitted.
 
 All costs are sums of squared residuals in units of noise by block. Residuals are correlated, so blocks count instead of
 samples; a block is a segment of one recording that is longer than the correlation time of the residual
-(:func:`pneucli.identify.estimation.blocks.block_labels`).
+(:func:`pneucli.identify.estimation.blocks.block_labels`). One fit gives the gain of the cost by block, Wald tests of
+the effect's parameters, and its relative size.
 
-The evidence of every set of effects that a search has fitted: one number a set, and a probability of each effect.
-
-A channel is one signal of one balance, over all recordings; its variance v in units of noise is that of the held-out
-readings where there are any. A channel that only noise is left in counts with all its readings; one that an unmodelled
-effect disturbs counts as ``KAPPA``. The log evidence of a set is
+Each set of effects has one number, from which the probability of each effect follows. A channel is one signal of one
+balance, over all recordings; its variance v in units of noise is that of the held-out readings where there are any. A
+channel that only noise is left in counts with all its readings; one that an unmodelled effect disturbs counts as
+``KAPPA``. The log evidence of a set is
 
     L = -1/2 sum_c R_c mean(log v_c) + sum_e [log PRIOR_ODDS - 2 max(0, -log10 size_e)]
 

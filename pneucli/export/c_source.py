@@ -1,11 +1,9 @@
-"""The controller as C99: one header, one source, and a program that replays test vectors through them.
+"""The controller as C99, in double or in float: a header, a source, and a program that replays test vectors.
 
-Write the controller's restricted Python (:mod:`pneucli.controller.cascade`) as C99, in double or in float.
-
-What is translated: functions of scalars and of the arrays ``s`` and ``c``, assignments, ``if``, ``for`` over a
-``range``, ``return``, conditional expressions, arithmetic, comparisons, ``math``, ``min``, ``max``, ``int``. A local or
-argument annotated ``int`` is one, everything else is real. Anything else raises ``ValueError``: no program is
-written that does something else.
+The source is translated from the controller's restricted Python (:mod:`pneucli.controller.cascade`): functions of
+scalars and of the arrays ``s`` and ``c``, assignments, ``if``, ``for`` over a ``range``, ``return``, conditional
+expressions, arithmetic, comparisons, ``math``, ``min``, ``max``, ``int``. A local or argument annotated ``int`` is one,
+everything else is real. Anything else raises ``ValueError``: no program is written that does something else.
 """
 
 from __future__ import annotations

@@ -1,8 +1,11 @@
-"""The export's files: C with its test vectors, MATLAB and CSV."""
+"""The export's files: C with its test vectors and their replay through the compiled C, MATLAB and CSV."""
 
 from __future__ import annotations
 
 import io
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +25,7 @@ from pneucli.export.controller_program import PREFIX, named
 from pneucli.export.single_precision import run_in_single_precision
 from pneucli.io.artifacts import atomic_path, write_text
 from pneucli.messages.export import PrecisionCost
+from pneucli.messages.simulate import ReplayCheck
 from pneucli.simulate.model import Model
 
 Columns = Mapping[str, NDArray[Any] | list[str]]
@@ -173,3 +177,51 @@ def inverse_table(controller: Controller) -> dict[str, NDArray[Any] | list[str]]
     table = {"area": np.concatenate(areas), "u": np.concatenate([[*vent[::-1], *fill] for _, _, vent, fill in sides])}
     chamber = {"chamber": np.repeat([1.0, 2.0], 2 * share.size)} if len(sides) > 1 else {}
     return {**chamber, **table}
+
+
+COMPILERS = ("cc", "gcc", "clang")  # the first that is found compiles
+COMPILE_OPTIONS = ("-std=c11", "-O2")  # of docs/export.md
+MAX_DIFFERENCE = 1e-9  # V: the limit of pneucli_replay.c
+COMPILE_TIMEOUT, REPLAY_TIMEOUT = 120.0, 120.0  # s
+
+
+def replay_exported_c(controller: Controller, model: Model, setup: ClosedLoopSetup, pipeline: str) -> ReplayCheck:
+    """Write the C of a controller to a temporary folder, compile it, and replay a minute of test vectors.
+
+    Args:
+        controller: The controller to export.
+        model: The identified model, which gives the readings of the test vectors.
+        setup: Noise, quanta and delay of the sensors.
+        pipeline: Name of the pipeline, for the head of the C.
+
+    Returns:
+        The difference, or the reason without one: no compiler, or a failure of the compiler or the program.
+
+    """
+    compiler = next((path for name in COMPILERS if (path := shutil.which(name))), None)
+    if compiler is None:
+        return ReplayCheck(None, reason=f"no C compiler ({', '.join(COMPILERS)})")
+    with tempfile.TemporaryDirectory(prefix="pneucli-replay-") as place:
+        folder = Path(place)
+        write_c(folder, controller, model, setup, pipeline)
+        return compile_and_replay(folder, compiler)
+
+
+def compile_and_replay(folder: Path, compiler: str) -> ReplayCheck:
+    """Compile the exported C of a folder with its replay program and run it on the replay file of that folder."""
+    sources = [str(folder / c_source.REPLAY_FILE), str(folder / f"{c_source.BASE_NAME}.c")]
+    program = str(folder / "replay")
+    try:
+        subprocess.run(
+            [compiler, *COMPILE_OPTIONS, *sources, "-lm", "-o", program],
+            check=True, capture_output=True, text=True, timeout=COMPILE_TIMEOUT,
+        )  # fmt: skip
+        completed = subprocess.run(
+            [program, str(folder / REPLAY_FILE)], check=False, capture_output=True, text=True, timeout=REPLAY_TIMEOUT
+        )
+        samples, difference, *_ = completed.stdout.split()
+        return ReplayCheck(float(difference), int(samples))
+    except subprocess.CalledProcessError as error:
+        return ReplayCheck(None, reason=f"{compiler} failed: {error.stderr.strip()[-300:]}")
+    except (subprocess.TimeoutExpired, OSError, ValueError) as error:
+        return ReplayCheck(None, reason=f"the replay failed: {error}")

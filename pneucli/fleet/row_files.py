@@ -6,7 +6,7 @@ import csv
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from pathlib import Path
@@ -255,18 +255,9 @@ def require_columns(template: Mapping[str, Any], columns: Iterable[str], keys_at
                 f"{where}, column {column}", "no such recording in the template", "by its name", mend, code="E081"
             )
         location = (parts[0], *parts[2:]) if parts[0] == RECORDINGS else tuple(parts)
-        for wrong, keys in _unknown_keys(location, keys_at):
-            raise InputError(
-                f"{where}, column {column}", f'no key "{wrong}"', "", did_you_mean(wrong, keys), code="E081"
-            )
-
-
-def _unknown_keys(location: tuple[str, ...], keys_at: Any) -> Iterator[tuple[str, list[str]]]:
-    for depth, name in enumerate(location):
-        keys = keys_at(location[:depth])
-        if keys and name not in keys:
-            yield name, keys
-            return
+        for depth, name in enumerate(location):
+            if keys := keys_at(location[:depth]):
+                require_known([name], keys, f"{where}, column {column}", 'no key "{}"', code="E081")
 
 
 def raw_file_names(document: Mapping[str, Any]) -> list[str]:

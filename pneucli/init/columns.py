@@ -57,8 +57,7 @@ from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.io.timestamp_order import TimestampCheck
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
-from pneucli.unit_table import ANR
-from pneucli.units import is_count, parse_unit, same_dimension
+from pneucli.units import ANR, is_count, parse_unit, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured

@@ -20,8 +20,7 @@ from pneucli.io.clock import continuous_stamps
 from pneucli.io.column_reader import stated_period
 from pneucli.paths import archive_members, natural_order
 from pneucli.quantities import SIGNALS
-from pneucli.unit_table import STANDARD_ATMOSPHERE
-from pneucli.units import parse_unit, same_dimension
+from pneucli.units import STANDARD_ATMOSPHERE, parse_unit, same_dimension
 
 MAX_ROWS = 5000  # a person or a bench sets each row; more rows are a recording over time whose clock is missing
 OPENINGS = "opening offnung- offnungs- turns lift spindle position stellung valve poppet"

@@ -1,8 +1,6 @@
-"""Part of ``init``: what stands in a raw file of which nothing is known, and tables that hold channels or recordings.
+"""Part of ``init``: what stands in a raw file of which nothing is known, and how its tables hold channels and runs.
 
-Part of ``init``: tables that hold channels, or whole recordings, below or beside one another.
-
-A long table has a label, a stamp and a value in each row; runs stand below one another under a number of the run, or
+A long table has a label, a stamp and a value in each row. Runs stand below one another under a number of the run, or
 beside one another as repeated columns.
 """
 

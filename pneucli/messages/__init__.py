@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pneucli.figure import read
@@ -18,6 +19,14 @@ from pneucli.paths import from_here
 T = TypeVar("T")
 LINE_WIDTH = 110  # of a line on a terminal
 LABEL_WIDTH = 9  # of the word that a line starts with
+
+
+@dataclass(frozen=True)
+class StageAnswer:
+    """What every answer about a pipeline says first: its schema, and the name of the pipeline."""
+
+    schema: str
+    pipeline: str
 
 
 def render(stage: str, answer: Mapping[str, Any], file: str, *, verbose: bool = False) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pneucli.figure import Figure, optional
-from pneucli.messages import labelled, table
+from pneucli.messages import StageAnswer, labelled, table
 from pneucli.messages.formatting import (
     format_fit,
     format_noise_ratio,
@@ -321,11 +321,9 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """How far the model is from each recording, and where (interface, section 3)."""
 
-    schema: str
-    pipeline: str
     horizon_s: float
     model: ModelAnswer
     channels: Sequence[ChannelResult]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pneucli.figure import flat
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.formatting import (
     format_bounded,
     format_noise_ratio,
@@ -388,11 +388,9 @@ class SlidingLine:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """How the controller was designed; ``requirements`` are in SI."""
 
-    schema: str
-    pipeline: str
     requirements: Mapping[str, Any]
     corners: Mapping[str, Quantity]
     sector: Mapping[str, SectorAnswer]

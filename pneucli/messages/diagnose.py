@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pneucli.figure import Figure, optional
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.changes import Change, Since, changes_since_baseline
 from pneucli.messages.compare import (
     BeyondFitted,
@@ -185,11 +185,9 @@ class FlowVerdict:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """Which physical effect is missing (interface, sections 3, 6 and 7)."""
 
-    schema: str
-    pipeline: str
     model: GivenModel
     data: str
     held_out: str

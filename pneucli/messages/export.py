@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pneucli.figure import flat, optional
-from pneucli.messages import labelled
+from pneucli.messages import StageAnswer, labelled
 from pneucli.messages.formatting import format_plain
 
 
@@ -72,11 +72,9 @@ class PlantAnswer:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """The controller and the plant, those that were asked for, and the names of the files."""
 
-    schema: str
-    pipeline: str
     exported: ExportedController | None = field(default=None, metadata=flat())
     plant: PlantAnswer | None = optional()
     files: Sequence[str] = ()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pneucli.figure import Figure, flat, optional
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.compare import LeftOut, ModelAnswer
 from pneucli.messages.flow import Flow, format_conductance
 from pneucli.messages.formatting import (
@@ -326,11 +326,9 @@ class Uncertainty:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """What the recordings say of the model's parameters, of the valve and of friction."""
 
-    schema: str
-    pipeline: str
     model: ModelAnswer
     assumed: Sequence[Assumption]
     warnings: Sequence[str]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from pneucli.figure import flat
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.compare import LeftOut
 from pneucli.messages.formatting import format_plain, in_display_unit, unit_symbol
 
@@ -111,11 +111,9 @@ class Implausible:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """What was read: recordings, what was left out and repaired, signals at a glance, and what is odd in them."""
 
-    schema: str
-    pipeline: str
     recordings: Sequence[Recording]
     left_out: Sequence[str]
     repairs: Sequence[Repair]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from shlex import quote
 
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.formatting import format_plain
 
 
@@ -56,11 +56,9 @@ class Waiting:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """The pipeline file that was written, what was seen in raw files, and the lines that people fill in or check."""
 
-    schema: str
-    pipeline: str
     columns: Sequence[Column]
     left_out: Sequence[str]
     cannot: Sequence[str]

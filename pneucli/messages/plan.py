@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pneucli.figure import Figure, flat
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.diagnose import REJECTION_REASONS
 from pneucli.messages.formatting import format_figure, format_percent, format_plain, format_quantity, join_names
 
@@ -212,11 +212,9 @@ class Power:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """The next experiment (interface, section 7)."""
 
-    schema: str
-    pipeline: str
     first: bool
     seconds: float
     recordings: Sequence[PlannedRecording]
@@ -354,11 +352,9 @@ class TakenParameter:
 
 
 @dataclass(frozen=True)
-class Taken:
+class Taken(StageAnswer):
     """What the recordings of a plan changed."""
 
-    schema: str
-    pipeline: str
     recordings: Sequence[TakenRecording]
     before: Diagnosed
     after: Diagnosed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pneucli.messages import labelled
+from pneucli.messages import StageAnswer, labelled
 from pneucli.messages.formatting import join_names
 
 
@@ -27,11 +27,9 @@ class DefaultCheck:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """What the stage ``report`` wrote: the page first, its size in bytes, and the checks."""
 
-    schema: str
-    pipeline: str
     files: Sequence[str]
     tables: Sequence[str]
     bytes: int

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pneucli.figure import optional
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.formatting import (
     format_bounded,
     format_fit,
@@ -130,11 +130,9 @@ class ReplayCheck:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(StageAnswer):
     """Open-loop scenarios, and where a controller was designed the figures of closed-loop ones by scenario."""
 
-    schema: str
-    pipeline: str
     open_loop: Sequence[OpenLoop]
     closed_loop: Mapping[str, Figures] | None = optional()
     pid_alone: Mapping[str, Figures] | None = optional()

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, did_you_mean, require_known
 from pneucli.messages.formatting import format_plain
 
 ITEM_KEYS = ("name", "recording", "channel", "effect", "stage")  # each of them selects an item of a list
@@ -58,21 +58,12 @@ def require_valid_path(path: str, answer_paths: Mapping[str, Sequence[str]], whe
     """
     stage, *parts = path.split(".")
     begins = [tuple(begin.split(".")) for begin in answer_paths.get(stage, ())]
-    if not begins:
-        wanted = "a stage, then a key of its answer"
-        raise InputError(
-            f"{where}, key {path}",
-            f'"{stage}" has no answer to check',
-            wanted,
-            did_you_mean(stage, answer_paths),
-            code="E027",
-        )
+    wanted = "a stage, then a key of its answer"
+    require_known([stage], answer_paths, f"{where}, key {path}", '"{}" has no answer to check', wanted, code="E027")
     for depth, part in enumerate(parts):
         here = {begin[depth] for begin in begins if begin[:depth] == tuple(parts[:depth]) and len(begin) > depth}
-        if here and part not in here:
-            raise InputError(
-                f"{where}, key {path}", f'no "{part}" in the answer', mend=did_you_mean(part, here), code="E027"
-            )
+        if here:
+            require_known([part], here, f"{where}, key {path}", 'no "{}" in the answer', code="E027")
 
 
 def resolve_path(answers: Mapping[str, Any], path: str, where: str = "[checks]") -> Any:

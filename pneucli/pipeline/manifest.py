@@ -1,17 +1,14 @@
-"""The manifest of a stage's folder, by whose digests it is stale or up to date, and its atomic replacement.
+"""The folder of a stage: its manifest, by whose digests it is stale or up to date, and its atomic replacement.
 
-Each folder contains a ``stage.json``. A file counts as unchanged while size and time stamp are; otherwise it is read
-and hashed, so that a new time stamp by itself makes nothing stale. The key of a stage is a digest of its inputs,
-including the keys of its parents, so it can be computed without running anything.
+The manifest is ``stage.json``. A file counts as unchanged while size and time stamp are; otherwise it is read and
+hashed, so that a new time stamp by itself makes nothing stale. The key of a stage is a digest of its inputs, including
+the keys of its parents, so it can be computed without running anything.
 
-Replace a stage's folder atomically: whenever a run is killed, the folder is completely the old or the new one.
-
-A stage writes into ``.NAME.new``. When it is done, ``NAME`` is renamed to ``.NAME.old``, ``.NAME.new`` to ``NAME``, and
-the old folder is deleted. :func:`recover_folder`, called first under the lock, restores an old folder whose successor
-is not in place, and removes what a killed run left.
-
-The program removes only what it wrote itself: the files in the folder's manifest and, of an unfinished folder, the
-files next to its mark, which is written first and removed last.
+Whenever a run is killed, the folder is completely the old or the new one. A stage writes into ``.NAME.new``. When it is
+done, ``NAME`` is renamed to ``.NAME.old``, ``.NAME.new`` to ``NAME``, and the old folder is deleted.
+:func:`recover_folder`, called first under the lock, restores an old folder whose successor is not in place, and removes
+what a killed run left. The program removes only what it wrote itself: the files in the folder's manifest and, of an
+unfinished folder, the files next to its mark, which is written first and removed last.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneucli.arrays import Array, read_only
+from pneucli.figure import named
 from pneucli.plan.bench import Bench, Manoeuvre, Outcome, State, sample
 from pneucli.recording import Recording
 from pneucli.simulate import layout as at
@@ -290,16 +291,12 @@ def synthetic_recording(manoeuvre: Manoeuvre, outcome: Outcome, name: str, seed:
     if manoeuvre.force and "force" not in signals:
         signals["force"] = np.full(outcome.time.size, manoeuvre.force)
     noise = {n: model for n, model in bench.noise.items() if n in signals}
-    return Recording(
+    return replace(
+        template,
+        **named(manoeuvre, "use added_mass"),
         name=name,
-        experiment=template.experiment,
-        use=manoeuvre.use,
         time=outcome.time,
         signals=signals,
         noise=noise,
-        chamber_2=template.chamber_2,
-        imposed=template.imposed,
         valve_shut=manoeuvre.kind == "shut-valve",
-        chamber=template.chamber,
-        added_mass=manoeuvre.added_mass,
     )

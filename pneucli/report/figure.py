@@ -17,6 +17,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.messages.envelope import envelope_indices
@@ -144,6 +145,13 @@ def chart(
     return figures([one])[0]
 
 
+def logarithmic_beyond(axes: Axes, linear: float) -> None:
+    """Draw y linearly up to ``linear`` on either side of 0, and logarithmically beyond."""
+    axes.set_yscale("symlog", linthresh=linear, linscale=1.0)
+    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
 def zero_line(axes: Axes) -> None:
     """Draw a thin line at zero."""
     axes.axhline(0, color=GREY, linewidth=0.6)
@@ -172,6 +180,11 @@ def _svg(canvas: Canvas) -> str:
     svg = re.sub(r'<g id="[^"]*">', "<g>", svg)  # matplotlib numbers them anew in each figure
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     return re.sub(r'(<svg[^>]*?) height="[^"]*"', r'\1 role="img"', svg, count=1)
+
+
+def evenly_chosen(values: NDArray[Any], count: int) -> NDArray[Any]:
+    """Return at most so many of the values (n,), evenly over their places, the first and the last among them."""
+    return values[np.unique(np.linspace(0, values.size - 1, count).round().astype(int))] if values.size else values
 
 
 def rank_colour(number: int, count: int) -> Any:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pkgutil
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,15 @@ class Grid:
         """Whether most texts of a column are quantities, which stand on the right."""
         columns = [[text for one in cells if (text := str(one))] for cells in zip(*self.rows, strict=True)]
         return [2 * sum(_QUANTITY.match(text) is not None for text in of) > len(of) for of in columns]
+
+
+T = TypeVar("T")
+Columns = Mapping[str, Callable[[T], Cell | str]]  # what a table shows of each of its objects, by the column's title
+
+
+def grid(caption: str, of: Iterable[T], columns: Columns[T], *, folded: bool = False) -> Grid:
+    """Return a table with a row for each object."""
+    return Grid(caption, [*columns], [[shown(one) for shown in columns.values()] for one in of], folded)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""Smooth the motion: fuse position and acceleration by least squares, which has no drift; else smooth x alone.
+"""Smooth the motion: from position and acceleration, from position alone, or without a position sensor.
 
-Source: linear least squares with banded normal equations, G. H. Golub, C. F. Van Loan, Matrix Computations, 2013.
+Position and acceleration are fused by least squares with banded normal equations, which has no drift. Without a
+position the velocity is measured, or integrated from the acceleration (6.6): an accelerometer tells rest from motion,
+and at every rest the velocity is zero, so that no drift gathers.
 
-Motion without a position sensor: a measured velocity, or one integrated from acceleration between rests (6.6).
-
-An accelerometer tells rest from motion; at every rest the velocity is zero, so that no drift gathers.
+Source: G. H. Golub, C. F. Van Loan, Matrix Computations, 2013.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.errors import InputError, require_known
 from pneucli.experiments import EXPERIMENT_KINDS, ExperimentName
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import SimulatedChannel
@@ -20,7 +20,7 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.preparation import prepare
-from pneucli.units import parse_quantity
+from pneucli.units import read_quantity
 
 SAMPLING_PERIOD = 1e-3  # s, between the samples of a command
 MAX_DURATION = 1e4  # s of a command
@@ -140,10 +140,7 @@ def run_scenario(
     values = parse_scenario(table, where)
     if values["command"] == "recorded":
         name = str(table.get("recording", ""))
-        if name not in experiments:
-            raise InputError(
-                f"{where}.recording", f'"{name}"', "a recording's name", did_you_mean(name, experiments), code="E091"
-            )
+        require_known([name], experiments, f"{where}.recording", wanted="a recording's name", code="E091")
         return free_run(model, experiments[name], str(table.get("name", name)))
     experiment = prepare(_scenario_recording(values, model.rig), model.rig, None)
     name = str(table.get("name", values["command"]))
@@ -168,35 +165,25 @@ def parse_scenario(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     """
     values: dict[str, Any] = {"command": "recorded" if "recording" in table else "steps"}
     for key, value in table.items():
-        if key not in KEYS:
-            raise InputError(f"{where}.{key}", "unknown key", "", did_you_mean(key, KEYS), code="E021")
-        if key in CHOICES and value not in CHOICES[key]:
-            raise InputError(f"{where}.{key}", f'"{value}"', "", did_you_mean(str(value), CHOICES[key]), code="E023")
-        try:
-            values[key] = _in_si(key, value)
-        except UnitError as error:
-            raise InputError(
-                f"{where}.{key}", str(error), f'a quantity such as "1 {UNITS.get(key, "V")}"', code="E024"
-            ) from error
+        require_known([key], KEYS, f"{where}.{key}", "unknown key", code="E021")
+        if key in CHOICES:
+            require_known([str(value)], CHOICES[key], f"{where}.{key}", code="E023")
+        values[key] = _in_si(key, value, f"{where}.{key}")
     if values["command"] == "steps" and not values.get("values"):
         raise InputError(f"{where}.values", "no steps", 'a list such as ["2 V", "-1 V"]', code="E023")
     for key in ("duration", "dwell", "frequency"):
         if not 0.0 < values.get(key, 1.0) <= MAX_DURATION:
-            raise InputError(
-                f"{where}.{key}",
-                f"{format_plain(values[key])}",
-                f"above 0, at most {format_plain(MAX_DURATION)}",
-                code="E023",
-            )
+            wanted = f"above 0, at most {format_plain(MAX_DURATION)}"
+            raise InputError(f"{where}.{key}", format_plain(values[key]), wanted, code="E023")
     return values
 
 
-def _in_si(key: str, value: Any) -> Any:
+def _in_si(key: str, value: Any, where: str) -> Any:
     if key == "values":
         if not isinstance(value, list):
-            raise UnitError(f"{value!r} is no list")
-        return [parse_quantity(one, "V") for one in value]
-    return parse_quantity(value, UNITS[key]) if key in UNITS else value
+            raise InputError(where, f"{value!r} is no list", 'a quantity such as "1 V"', code="E024")
+        return [read_quantity(one, "V", where) for one in value]
+    return read_quantity(value, UNITS[key], where) if key in UNITS else value
 
 
 def _scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:

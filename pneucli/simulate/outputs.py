@@ -1,8 +1,7 @@
-"""Simulate the channels that are compared, filtered alike; estimate unmeasured pressures; propagate noise.
+"""Simulate the channels that are compared, filtered alike, with unmeasured pressures estimated, and their noise.
 
-Propagate sensor noise through smoothing and simulation: how far the readings of a run deviate from a correct model.
-
-The noise passes through the same smoothing as the measurement. Smoothing is linear, so the draws need no true signal.
+Sensor noise is propagated through the same smoothing and simulation as the measurement: it says how far the readings of
+a run deviate from a correct model. Smoothing is linear, so the draws need no true signal.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, Literal
@@ -235,13 +236,6 @@ def _half_table(side: Knots, largest: float) -> Array:
 
 
 @lru_cache(maxsize=64)
-def sampled_table(valve: Callable[[Array], Array], largest: float) -> Array:
-    """Return the area of a valve at commands up to ``largest`` V in both directions, (TABLE_POINTS,), read-only."""
-    table = valve(np.linspace(-largest, largest, TABLE_POINTS))
-    table.setflags(write=False)
-    return table
-
-
 @lru_cache(maxsize=64)  # more than a valve has parameters
 def _table(valve: ValveArea, largest: float) -> Array:
     halves = [_half_table(valve._knots(sign), largest) for sign in (-1.0, 1.0)]
@@ -253,8 +247,34 @@ def _table(valve: ValveArea, largest: float) -> Array:
 NO_VALVE = ValveArea((), ())
 
 
+class _WithoutKnots(ABC):
+    """What valves have in common whose area is no curve through knots."""
+
+    max_command: float
+    interpolation_uncertainty: ClassVar[float] = 0.0
+
+    @abstractmethod
+    def __call__(self, u: Array) -> Array:
+        """Return the effective area in m^2 at u, shape of u."""
+
+    def table(self, largest: float) -> Array:
+        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,), read-only."""
+        table = self(np.linspace(-largest, largest, TABLE_POINTS))
+        table.setflags(write=False)
+        return table
+
+    @property
+    def commands(self) -> tuple[float, ...]:
+        """The largest command in V of each sign."""
+        return (-self.max_command, self.max_command)
+
+    def roughness(self) -> Array:
+        """Return no residuals: a line and two areas have no shape that could be rough."""
+        return np.zeros(0)
+
+
 @dataclass(frozen=True)
-class LinearValve:
+class LinearValve(_WithoutKnots):
     """One gain in m^2/V for both directions, up to ``max_command`` V; ``label`` begins its parameter's name."""
 
     gain: float
@@ -262,20 +282,10 @@ class LinearValve:
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "linear"
     covers: ClassVar[frozenset[Part]] = frozenset()
-    interpolation_uncertainty: ClassVar[float] = 0.0  # it has no knots
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at u, shape of u."""
         return self.gain * np.abs(u)
-
-    def table(self, largest: float) -> Array:
-        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,), read-only."""
-        return sampled_table(self, largest)
-
-    @property
-    def commands(self) -> tuple[float, ...]:
-        """Both ends of the line in V."""
-        return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
@@ -294,17 +304,13 @@ class LinearValve:
         """Return the valve with ``factor`` times the area."""
         return replace(self, gain=self.gain * factor)
 
-    def roughness(self) -> Array:
-        """Return no residuals: a line is a power law."""
-        return np.zeros(0)
-
     def changed_ranges(self, other: LinearValve) -> tuple[tuple[float, float], ...]:
         """Return the ranges of commands in V in which another valve of this form may differ."""
         return ((-np.inf, np.inf),) if self != other else ()
 
 
 @dataclass(frozen=True)
-class SwitchingValve:
+class SwitchingValve(_WithoutKnots):
     """Effective areas in m^2 of filling and venting, at commands up to ``max_command`` V.
 
     ``label`` begins the names of its parameters.
@@ -316,20 +322,10 @@ class SwitchingValve:
     label: str = "valve"
     form: ClassVar[Literal["map", "linear", "switching"]] = "switching"
     covers: ClassVar[frozenset[Part]] = frozenset({"linear valve"})
-    interpolation_uncertainty: ClassVar[float] = 0.0  # it has no knots
 
     def __call__(self, u: Array) -> Array:
         """Return the effective area in m^2 at commands u in V, of their shape; 0 at the null command only."""
         return np.where(u > 0.0, self.fill, np.where(u < 0.0, self.vent, 0.0))
-
-    def table(self, largest: float) -> Array:
-        """Return the area at commands up to ``largest`` V in both directions, shape (TABLE_POINTS,), read-only."""
-        return sampled_table(self, largest)
-
-    @property
-    def commands(self) -> tuple[float, ...]:
-        """A command of each sign in V."""
-        return (-self.max_command, self.max_command)
 
     @property
     def area_names(self) -> dict[float, str]:
@@ -348,10 +344,6 @@ class SwitchingValve:
     def scaled(self, factor: float) -> SwitchingValve:
         """Return the valve with ``factor`` times the area."""
         return replace(self, fill=self.fill * factor, vent=self.vent * factor)
-
-    def roughness(self) -> Array:
-        """Return no residuals: two areas have no shape."""
-        return np.zeros(0)
 
     def changed_ranges(self, other: SwitchingValve) -> tuple[tuple[float, float], ...]:
         """Return the ranges of commands in V in which another valve of this form may differ."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePath
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pneucli.document import read_toml
 from pneucli.errors import InputError
 from pneucli.io.multi_file import MultiFileRecording
 from pneucli.io.signal_reader import SignalReader
-from pneucli.messages import each, labelled, table
+from pneucli.messages import StageAnswer, each, labelled, table
 from pneucli.messages.identify import Assumption
 from pneucli.physics.effects import all_effects, select_effects
 from pneucli.plausibility.required_inputs import RequiredInput, assumptions, required_inputs
@@ -61,11 +61,9 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Checked:
+class Checked(StageAnswer):
     """The answer of ``check``."""
 
-    schema: str
-    pipeline: str
     recordings: Sequence[CheckedRecording]
     missing: Sequence[RequiredInput]
     assumed: Sequence[Assumption]
@@ -115,13 +113,13 @@ def check_pipeline(path: Path) -> Checked:
         where = f"{path}, key model.effects"
         _attempt(lambda: select_effects(config.model.effects, all_effects(), where), faults)
         _attempt(lambda: parameter_priors(config, all_effects()), faults)
-    recordings = [one.recording for one in begun]
+    recordings = [recording for recording, _ in begun]
     rig = _attempt(lambda: with_started_supply(config.to_rig(), config), faults) or config.to_rig()
     needs = required_inputs(recordings, rig) if recordings else []
     return Checked(
         schema="pneucli/check/1",
         pipeline=config.name,
-        recordings=[_row(one) for one in begun],
+        recordings=[checked for _, checked in begun],
         missing=[need for need in needs if f"{need.table}.{need.key}" not in waiting],
         assumed=[*flow_unit_assumptions(config), *(assumptions(recordings, rig) if recordings else [])],
         left_out=absence_notes(config, opened) if complete else [],
@@ -182,17 +180,8 @@ def _each(faults: Iterable[InputError]) -> list[InputError]:
     return [inner for one in faults for inner in (one.faults or [one])]
 
 
-class Beginning(NamedTuple):
-    """The first batch of a recording, and its signals with their columns and units."""
-
-    source: RecordingSource
-    recording: Recording
-    signals: list[CheckedSignal]
-    told: list[str]
-
-
-def _beginning(opened: Opened) -> Beginning:
-    """Return the first batch of a recording."""
+def _beginning(opened: Opened) -> tuple[Recording, CheckedRecording]:
+    """Return the first batch of a recording, and how it is read."""
     source, file = opened
     names, _ = recorded_signals(opened)
     batch = next(iter(file.batches()))
@@ -216,7 +205,8 @@ def _beginning(opened: Opened) -> Beginning:
         added_mass=table.added_mass or 0.0,
     )
     told = [one.message for one in file.repairs if not one.signal]
-    return Beginning(source, recording, [_signal(name, source, file) for name in names], told)
+    read = [_signal(name, source, file) for name in names]
+    return recording, CheckedRecording(source.name, str(source.path), table.experiment, table.use, read, told)
 
 
 def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRecording) -> CheckedSignal:
@@ -225,8 +215,3 @@ def _signal(name: str, source: RecordingSource, file: SignalReader | MultiFileRe
     notes = "; ".join(one.message for one in file.repairs if one.signal == name)
     held = "held" if name in source.table.held_constant else column
     return CheckedSignal(name, held, (asked.unit or "") if asked is not None else "", notes)
-
-
-def _row(one: Beginning) -> CheckedRecording:
-    source, table = one.source, one.source.table
-    return CheckedRecording(source.name, str(source.path), table.experiment, table.use, one.signals, one.told)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ from pneucli.stages.answer_parts import (
     divergences,
     purpose_of,
 )
-from pneucli.stages.flow_bench import compare_flow_recordings, flow_results, write_flow_residuals
+from pneucli.stages.flow_bench import compare_flow_recordings, flow_residual_blocks, flow_results
 from pneucli.stages.model_file import load_drawn_models, load_model
 from pneucli.stages.pipeline_data import PipelineData
 
@@ -175,21 +176,16 @@ def _write_residuals(study: PipelineData, comparisons: Sequence[Comparison], flo
     made_by = study.provenance(*_model_inputs(study))
     schema = schema_from(columns, schema="pneucli/compare/residuals/1", provenance=made_by)
     with TableWriter(study.context.out / RESIDUALS_FILE, schema) as writer:
-        for c in comparisons:
-            for result in c.results:
-                block = {
-                    "recording": result.recording,
-                    "use": result.use,
-                    "channel": result.channel,
-                    "unit": SIGNALS[result.channel].unit,
-                    "time": c.experiment.time,
-                    "measured": c.measured[result.channel],
-                    "model": c.modelled[result.channel],
-                    "residual": c.residual(result.channel),
-                    "segment": c.experiment.segments.astype(np.float64),
-                }
-                writer.write(block)
-        write_flow_residuals(flows, writer)
+        for block in chain(*map(_residual_blocks, comparisons), flow_residual_blocks(flows)):
+            writer.write(dict(zip(schema.names, block, strict=True)))
+
+
+def _residual_blocks(found: Comparison) -> Iterator[tuple[Any, ...]]:
+    segments = found.experiment.segments.astype(np.float64)
+    for one in found.results:
+        name = one.channel
+        curves = found.measured[name], found.modelled[name], found.residual(name)
+        yield one.recording, one.use, name, SIGNALS[name].unit, found.experiment.time, *curves, segments
 
 
 def _write_correlations(study: PipelineData, found: Sequence[Correlation]) -> None:

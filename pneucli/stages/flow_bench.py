@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from pneucli.identify.valve.flow_bench import FlowBench, FlowComparison, compare
 from pneucli.identify.valve.flow_findings import bench_findings, sets_area
 from pneucli.identify.valve.steady_rows import FlowPath
 from pneucli.identify.valve.uncertainty import COVERAGE_FACTOR
-from pneucli.io.artifacts import Tables, TableWriter
+from pneucli.io.artifacts import Tables
 from pneucli.messages.compare import ChannelResult, ModelAnswer
 from pneucli.messages.findings import tell
 from pneucli.messages.flow import Flow, FlowFinding, FlowResidual
@@ -99,21 +99,12 @@ def compare_flow_recordings(study: PipelineData) -> list[FlowComparison]:
     return [] if bench is None else compare_flow(bench, study.flow_recordings)
 
 
-def write_flow_residuals(comparisons: Sequence[FlowComparison], writer: TableWriter) -> None:
-    """Append the rows to ``residuals.parquet``: the number of the row takes the place of time."""
+def flow_residual_blocks(comparisons: Sequence[FlowComparison]) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of ``residuals.parquet``: the number of the row takes the place of time."""
+    unit = SIGNALS["flow"].unit
     for one in comparisons:
-        columns = {
-            "recording": one.recording.name,
-            "use": one.recording.use,
-            "channel": "flow",
-            "unit": SIGNALS["flow"].unit,
-            "time": one.row.astype(np.float64),
-            "measured": one.measured,
-            "model": one.predicted,
-            "residual": one.measured - one.predicted,
-            "segment": np.zeros(one.row.size),
-        }
-        writer.write(columns)
+        curves = one.row.astype(np.float64), one.measured, one.predicted, one.measured - one.predicted
+        yield one.recording.name, one.recording.use, "flow", unit, *curves, np.zeros(one.row.size)
 
 
 GRID_POINTS = 41  # of the map, over command and over pressure

@@ -24,7 +24,7 @@ from pneucli.config import (
 )
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.figure import to_answer, to_json
+from pneucli.figure import named, to_answer, to_json
 from pneucli.gases import AIR
 from pneucli.io.artifacts import Provenance, Tables, TableWriter, sha256_of, write_table
 from pneucli.io.cleaning import Cleaner
@@ -153,13 +153,7 @@ def _raw_file(
         path=path,
         channels={name: _channel(signal, config.unit(name), rig) for name, signal in signals.items()},
         required=required,
-        header=table.header,
-        delimiter=table.delimiter,
-        decimal=table.decimal,
-        thousands=table.thousands,
-        encoding=table.encoding,
-        skip_rows=table.skip_rows,
-        part=table.part,
+        **named(table, "header delimiter decimal thousands encoding skip_rows part"),
         ambient=rig.ambient_pressure,
     )
 

@@ -23,7 +23,7 @@ from pneucli.physics.gas import critical_ratio_of, flow_constant, orifice_flow
 from pneucli.recording import Recording, Rig
 from pneucli.stages import init
 from pneucli.stages.look import read_pipeline, write_pipeline
-from pneucli.units import parse_quantity, parse_unit
+from pneucli.units import parse_quantity, parse_unit, read_quantity
 
 SCHEMA = "pneucli/leak/1"
 OPEN_SHARE = 0.02  # of the largest command, beyond which a valve is open
@@ -91,10 +91,7 @@ def _written(folder: Path, files: Sequence[Path], stated: dict[str, Any]) -> Pat
 
 
 def _quantity(option: str, text: str, unit: str, *, difference: bool = False) -> float:
-    try:
-        found = parse_quantity(text, unit, difference=difference)
-    except UnitError as error:
-        raise InputError(option, str(error), f'a quantity such as "1 {unit}"', code="E001") from error
+    found = read_quantity(text, unit, option, "E001", difference=difference)
     if not found >= 0.0:
         raise InputError(option, f'"{text}"', "a quantity that is not negative", code="E001")
     return found

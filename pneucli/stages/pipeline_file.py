@@ -11,7 +11,7 @@ from typing import Any
 
 from pneucli import config
 from pneucli.config import ParameterTable, PipelineConfig, join_faults
-from pneucli.errors import InputError, UnitError, did_you_mean
+from pneucli.errors import InputError, UnitError, did_you_mean, require_known
 from pneucli.messages.formatting import format_plain
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
 from pneucli.pipeline.checks import require_valid_path
@@ -190,4 +190,4 @@ def _read_scenario(table: dict[str, Any], where: str) -> None:
 
         read_settings(table, where)
     else:
-        raise InputError(f"{where}.kind", f'"{kind}"', "", did_you_mean(str(kind), SCENARIO_KINDS), code="E023")
+        require_known([str(kind)], SCENARIO_KINDS, f"{where}.kind", code="E023")

@@ -10,7 +10,7 @@ from typing import Any
 
 from pneucli.config import PipelineConfig
 from pneucli.errors import InputError
-from pneucli.export.replay_check import MAX_DIFFERENCE
+from pneucli.export.export_files import MAX_DIFFERENCE
 from pneucli.figure import read, to_answer
 from pneucli.io.artifacts import Provenance, read_metadata, read_table, write_table, write_text
 from pneucli.messages import answer_of, compare, diagnose

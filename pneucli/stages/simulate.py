@@ -15,7 +15,7 @@ from pneucli.closed_loop.simulation import ClosedLoopSetup, Scenario
 from pneucli.controller.parameters import Controller
 from pneucli.executors import engine_from
 from pneucli.experiments import EXPERIMENT_KINDS
-from pneucli.export.replay_check import replay_exported_c
+from pneucli.export.export_files import replay_exported_c
 from pneucli.figure import to_answer
 from pneucli.messages.formatting import format_plain
 from pneucli.messages.simulate import Answer, CheckRate, OpenLoop, Robustness, SuccessRate

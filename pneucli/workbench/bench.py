@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -141,7 +142,7 @@ class Bench:
                 "parameters": state.parameters(answers, None if self.problem else self.live),
                 "ladder": state.ladder(pipeline.artifacts),
                 "recordings": state.recordings(answers, self.live.places if self.live and not self.problem else {}),
-                "lines": state.command_lines(self.file.name, None if self.out is None else str(self.out)),
+                "lines": {one: shlex.join(["pneucli", *words]) for one, words in self._command_words().items()},
                 "undo": {"title": self.changes[-1].title, "line": self.changes[-1].line} if self.changes else None,
                 "report": (pipeline.artifacts / "report" / "report.html").is_file(),
                 "chapters": list(CHAPTERS),
@@ -160,9 +161,7 @@ class Bench:
 
     def words(self, action: str, names: Sequence[str]) -> list[str]:
         """Return the command line behind an action of the page; raises InputError for an unknown one or effect."""
-        rest = [self.file.name, *(["--out", str(self.out)] if self.out else [])]
-        known = {"fit": ["compare", *rest], "diagnose": ["diagnose", *rest], "plan": ["plan", *rest]}
-        known |= {"report": ["report", *rest], "add-named": ["add", *rest, "--suggested"]}
+        known = self._command_words()
         if action in known:
             return known[action]
         if action == "init" and len(names) == 1:
@@ -171,7 +170,16 @@ class Bench:
             raise InputError("the workbench", f'no action "{action}"', mend=did_you_mean(action, known), code="E091")
         available = self.live.available_effects if self.live else {}
         require_known(names, available, "the workbench", 'no effect "{}"', code="E030")
-        return [action, *rest, *names]
+        return [action, *self._file_words(), *names]
+
+    def _command_words(self) -> dict[str, list[str]]:
+        """Return the command line behind each button."""
+        rest = self._file_words()
+        words = {"fit": ["compare", *rest], "diagnose": ["diagnose", *rest], "plan": ["plan", *rest]}
+        return words | {"report": ["report", *rest], "add-named": ["add", *rest, "--suggested"]}
+
+    def _file_words(self) -> list[str]:
+        return [self.file.name, *(["--out", str(self.out)] if self.out else [])]
 
     def _init_words(self, name: str) -> list[str]:
         """Return the command line that makes a pipeline of a dropped recording, in a folder of its own."""

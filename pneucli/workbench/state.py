@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -160,16 +159,3 @@ def recordings(answers: Answers, places: Mapping[str, Place]) -> list[dict[str, 
         if one.name in uses
     ]
     return sorted(rows, key=lambda one: bool(one["use"] != "test"))
-
-
-def command_lines(file: str, out: str | None) -> dict[str, str]:
-    """Return the command line that does what each button does."""
-    rest = [file, *(["--out", out] if out else [])]
-    words = {
-        "fit": ["compare", *rest],
-        "diagnose": ["diagnose", *rest],
-        "add": ["add", *rest, "--suggested"],
-        "plan": ["plan", *rest],
-        "report": ["report", *rest],
-    }
-    return {name: shlex.join(["pneucli", *one]) for name, one in words.items()}

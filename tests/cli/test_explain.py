@@ -15,7 +15,7 @@ from tests.cli.fault_examples import provoke
 
 SOURCE = Path(package.__file__).parent
 KINDS = fault_kinds()
-RAISED = {"InputError", "NotApplicable"}
+RAISED = {"InputError", "NotApplicable", "require_known"}
 
 
 @cache

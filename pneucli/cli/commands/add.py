@@ -12,7 +12,7 @@ import typer
 from pneucli.cli.command import Command, File, HowToRun
 from pneucli.errors import InputError
 from pneucli.figure import Figure, read
-from pneucli.messages import labelled, table
+from pneucli.messages import StageAnswer, labelled, table
 from pneucli.messages.compare import Answer, LackOfFit, next_command
 from pneucli.messages.formatting import format_noise_ratio, format_parameters, join_names
 
@@ -25,11 +25,9 @@ Suggested = Annotated[bool, typer.Option("--suggested", help="What the diagnosis
 
 
 @dataclass(frozen=True)
-class Edit:
+class Edit(StageAnswer):
     """What adding or removing effects did: the error before and after, of the model and of each recording."""
 
-    schema: str
-    pipeline: str
     effects: Sequence[str]
     added: Sequence[str]
     removed: Sequence[str]

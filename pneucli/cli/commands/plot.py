@@ -15,7 +15,7 @@ import typer
 from pneucli.cli.command import Command, HowToRun
 from pneucli.errors import InputError, require_known
 from pneucli.figure import read
-from pneucli.messages import labelled, table
+from pneucli.messages import StageAnswer, labelled, table
 from pneucli.messages.compare import CHANNEL_TITLES, Answer, ChannelResult, evaluation_error
 from pneucli.messages.formatting import format_noise_ratio
 
@@ -42,11 +42,9 @@ Save = Annotated[
 
 
 @dataclass(frozen=True)
-class Plot:
+class Plot(StageAnswer):
     """What a picture of a recording shows, where it is, or why it is not shown."""
 
-    schema: str
-    pipeline: str
     recording: str
     use: str
     channels: Sequence[ChannelResult]

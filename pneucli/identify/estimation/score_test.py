@@ -1,14 +1,11 @@
-"""The score test of an effect: its gain at typical values without a refit, and where its fit starts.
+"""The score test of an effect, its gain at typical values without a refit, and where its fit starts.
+
+A fit starts from typical values, or from what the balance of forces or the flow into the chambers gives directly. How
+late that flow follows the command is such a start, of a lag or a delay: a model without it opens its valve at the wrong
+time, and the areas that are fitted to it leave nothing of the valve, so that no derivative leads back from there.
 
 References:
     Rao, C. R., Proc. Cambridge Phil. Soc. 44 (1948) 50.
-
-Starts of effects as the balance of forces or the flow into the chambers gives them, in the model's names.
-
-How late the flow into the chambers follows the command, straight from it: where a fit of a lag or a delay starts.
-
-A model without it opens its valve at the wrong time, and the areas that are fitted to it leave nothing of the valve: no
-derivative leads back from there.
 """
 
 from __future__ import annotations

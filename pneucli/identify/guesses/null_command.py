@@ -1,4 +1,4 @@
-"""The null command of a valve, from the flow that fills and vents a chamber; commands between two samples."""
+"""A valve's command, from the flow of a chamber: at which it is shut, and which acted between two samples."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""The base class of residual models: one recording compared with the model through one subsystem.
-
-Errors of a simulation's initial state, and the whitening of residuals for them (docs/method.md).
+"""The base class of residual models, which compare one subsystem of a recording with the model, and their whitening.
 
 Each segment between restarts starts from the smoothed pressure, whatever the model. Its error persists for as long as
-no gas flows. Pressures without a smoother (recordings of few samples) are taken as exact.
+no gas flows, and whitening takes it out of the residuals (docs/method.md). Pressures without a smoother (recordings of
+few samples) are taken as exact.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""The residuals of pressures and forces, simulated with the measured motion.
+"""The residuals of the chambers' pressures and of the forces on the piston, simulated with the measured motion.
 
-The force residual: the friction that measured motion and pressures imply, compared with what the model allows.
+The residual of the forces is the friction that measured motion and pressures imply, compared with what the model
+allows.
 
 Source: docs/method.md, residual models.
 """

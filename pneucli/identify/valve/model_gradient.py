@@ -1,8 +1,6 @@
-"""The gradient of pressure that a fitted model makes in a fixed volume at held commands, and its standard error.
+"""The valve map dp/dt(u, p) of a fitted model with its interval, the region that data cover, and its inverse.
 
-Source: docs/valve-identification.md.
-
-The map dp/dt(u, p) of a fitted model with its interval, the region that data cover, and the inverse of the map.
+The map holds the gradient of pressure that the model makes in a fixed volume at held commands.
 
 Source: thesis 7.4; docs/valve-identification.md.
 """

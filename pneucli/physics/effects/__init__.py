@@ -12,13 +12,13 @@ import keyword
 import linecache
 import pkgutil
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import get_args
 
 from pneucli import imports
-from pneucli.errors import InputError, did_you_mean
+from pneucli.errors import InputError, did_you_mean, require_known
 from pneucli.experiments import Part
 from pneucli.physics.declaration import Effect
 from pneucli.physics.equations import EquationError, check_effect
@@ -156,7 +156,7 @@ def all_effects(plugins: Iterable[Path] = ()) -> dict[str, Effect]:
 
 
 def select_effects(
-    names: Iterable[str], available: dict[str, Effect], where: str = "[model] effects"
+    names: Sequence[str], available: dict[str, Effect], where: str = "[model] effects"
 ) -> tuple[Effect, ...]:
     """Return effects by their names.
 
@@ -174,9 +174,5 @@ def select_effects(
     >>> [effect.title for effect in select_effects(["stribeck"], catalogue())]
     ['Stribeck friction']
     """
-    chosen = []
-    for name in names:
-        if name not in available:
-            raise InputError(where, f'unknown effect "{name}"', mend=did_you_mean(name, available), code="E030")
-        chosen.append(available[name])
-    return tuple(chosen)
+    require_known(names, available, where, 'unknown effect "{}"', code="E030")
+    return tuple(available[name] for name in names)

@@ -7,14 +7,13 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 from pneucli.messages import design, simulate
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_bounded, format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures, logarithmic_beyond
 from pneucli.report.page_elements import (
     ZOOM_HINT,
     Grid,
@@ -174,9 +173,7 @@ def _error(name: str, compensated: Table, pid_only: Table, tolerance: float) -> 
             error = _deviation(rows)
             indices = envelope_indices([error], MAX_SAMPLES)
             axes.plot(rows["time"][indices], error[indices], color=colour, label=label, linewidth=1.0)
-        axes.set_yscale("symlog", linthresh=LINEAR_RANGE, linscale=1.0)
-        axes.yaxis.set_major_formatter(ScalarFormatter())
-        axes.yaxis.set_minor_locator(NullLocator())
+        logarithmic_beyond(axes, LINEAR_RANGE)
         one.canvas.legend(loc="outside upper right", ncols=2)
     return one
 

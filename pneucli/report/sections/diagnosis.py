@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pneucli.messages import diagnose
 from pneucli.messages.diagnose import Answer, CandidateAnswer, Discrepancy, Shift
@@ -18,7 +19,7 @@ from pneucli.messages.formatting import (
     unit_symbol,
 )
 from pneucli.report.figure import BLUE, GREEN, ORANGE, TEXT_COLOUR, Line, chart, zero_line
-from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Row, Section, warning_notes
+from pneucli.report.page_elements import Cell, Columns, Figure, Grid, Note, Part, Row, Section, grid, warning_notes
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 20  # on the page
@@ -115,37 +116,23 @@ def _smooth_terms(term: Table) -> list[Figure]:
 def _candidates(candidates: Sequence[CandidateAnswer], missing: Sequence[str]) -> Grid | None:
     if not candidates:
         return None
+    columns: Columns[CandidateAnswer] = {
+        "effect": lambda c: c.effect,
+        "supported": lambda c: Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else ""),
+        "probability": lambda c: format_percent(c.confidence),
+        "error before": lambda c: format_number(c.error_before, 3),
+        "after": lambda c: format_number(c.error_after, 3),
+        "parameters": lambda c: format_parameters(c.parameters),
+        "indistinguishable from": lambda c: ", ".join(c.indistinguishable_from) or "–",
+        "why": lambda c: c.why,
+    }
     fitted = [c for c in candidates if c.parameters]
-    rows = [_candidate(c, missing) for c in fitted]
-    rows += _unfitted([c for c in candidates if not c.parameters])
-    head = (
-        "effect",
-        "supported",
-        "probability",
-        "error before",
-        "after",
-        "parameters",
-        "indistinguishable from",
-        "why",
-    )
     caption = (
         f"All {len(candidates)} candidates, {len(fitted)} of them fitted, and why each was accepted or rejected; "
         "errors are × noise"
     )
-    return Grid(caption, head, rows, folded=True)
-
-
-def _candidate(c: CandidateAnswer, missing: Sequence[str]) -> Row:
-    return [
-        c.effect,
-        Cell("yes" if c.supported else "no", tone="good" if c.effect in missing else ""),
-        format_percent(c.confidence),
-        format_number(c.error_before, 3),
-        format_number(c.error_after, 3),
-        format_parameters(c.parameters),
-        ", ".join(c.indistinguishable_from) or "–",
-        c.why,
-    ]
+    found = grid(caption, fitted, columns, folded=True)
+    return replace(found, rows=[*found.rows, *_unfitted([c for c in candidates if not c.parameters])])
 
 
 def _unfitted(candidates: Sequence[CandidateAnswer]) -> list[Row]:
@@ -160,18 +147,13 @@ def _unfitted(candidates: Sequence[CandidateAnswer]) -> list[Row]:
 
 
 def _changed_parameters(moved: Sequence[Shift]) -> Grid | None:
-    if not moved:
-        return None
-    rows: list[Row] = [
-        [
-            m.parameter,
-            format_quantity(m.from_, m.unit),
-            format_quantity(m.to, m.unit),
-            Cell("yes" if m.plausible else "no", tone="" if m.plausible else "bad"),
-        ]
-        for m in moved
-    ]
-    return Grid("Parameters that changed when the effect was added.", ("parameter", "from", "to", "plausible"), rows)
+    columns: Columns[Shift] = {
+        "parameter": lambda m: m.parameter,
+        "from": lambda m: format_quantity(m.from_, m.unit),
+        "to": lambda m: format_quantity(m.to, m.unit),
+        "plausible": lambda m: Cell("yes" if m.plausible else "no", tone="" if m.plausible else "bad"),
+    }
+    return grid("Parameters that changed when the effect was added.", moved, columns) if moved else None
 
 
 def _remarks(answer: Answer) -> list[Part]:
@@ -182,26 +164,20 @@ def _remarks(answer: Answer) -> list[Part]:
     if following := answer.next_experiment:
         parts.append(Note(f"Next experiment: {following}"))
     if limits := answer.detectable:
-        rows = [[diagnose.describe_detection_limit(one)] for one in limits]
-        caption = f"Minimum detectable size of each of the {len(rows)} effects that are not in the model"
-        parts.append(Grid(caption, ("effect",), rows, folded=True))
+        caption = f"Minimum detectable size of each of the {len(limits)} effects that are not in the model"
+        parts.append(grid(caption, limits, {"effect": diagnose.describe_detection_limit}, folded=True))
     return parts
 
 
 def _discrepancy(discrepancies: Sequence[Discrepancy]) -> list[Part]:
     """Return the table of the discrepancies that remain with all named effects."""
-    rows: list[Row] = [
-        [
-            one.channel,
-            one.subsystem,
-            format_number(one.size, 3),
-            format_quantity(one.time_constant_s, "s", 2),
-            one.over or "–",
-            format_percent(one.share),
-        ]
-        for one in discrepancies
-    ]
-    head = ("channel", "subsystem", "× noise", "correlation time", "function of", "share")
-    return (
-        [Grid("Discrepancies that remain with all named effects, by channel", head, rows, folded=True)] if rows else []
-    )
+    columns: Columns[Discrepancy] = {
+        "channel": lambda one: one.channel,
+        "subsystem": lambda one: one.subsystem,
+        "× noise": lambda one: format_number(one.size, 3),
+        "correlation time": lambda one: format_quantity(one.time_constant_s, "s", 2),
+        "function of": lambda one: one.over or "–",
+        "share": lambda one: format_percent(one.share),
+    }
+    caption = "Discrepancies that remain with all named effects, by channel"
+    return [grid(caption, discrepancies, columns, folded=True)] if discrepancies else []

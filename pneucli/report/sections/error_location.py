@@ -22,7 +22,7 @@ from pneucli.messages.formatting import (
     signal_unit,
 )
 from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map
-from pneucli.report.page_elements import Cell, Grid, Note, Part, Row, Section
+from pneucli.report.page_elements import Cell, Columns, Grid, Note, Part, Section, grid
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 10  # on the page
@@ -72,19 +72,19 @@ def section(material: ReportData) -> Section | None:
 
 
 def _events(events: Sequence[Sequence[compare.Region]]) -> Grid:
-    rows: list[Row] = [
-        [
-            event[0].recording,
-            join_names(list(dict.fromkeys(r.channel for r in event))),
-            "; ".join(dict.fromkeys(r.text for r in event[:MAX_LOCATIONS])),
-            Cell(format_percent(event[0].share_of_error), bar=event[0].share_of_error),
-            Cell(format_percent(event[0].share_of_samples), bar=event[0].share_of_samples),
-        ]
-        for event in events
-    ]
-    head = ("recording", "channels", "where", "share of error", "share of samples")
+    columns: Columns[Sequence[compare.Region]] = {
+        "recording": lambda event: event[0].recording,
+        "channels": lambda event: join_names(list(dict.fromkeys(r.channel for r in event))),
+        "where": lambda event: "; ".join(dict.fromkeys(r.text for r in event[:MAX_LOCATIONS])),
+        "share of error": lambda event: _share(event[0].share_of_error),
+        "share of samples": lambda event: _share(event[0].share_of_samples),
+    }
     caption = "Intervals whose share of the squared error is at least twice their share of the samples, worst first"
-    return Grid(caption, head, rows, folded=True)
+    return grid(caption, events, columns, folded=True)
+
+
+def _share(size: float) -> Cell:
+    return Cell(format_percent(size), bar=size)
 
 
 def _clouds(material: ReportData, answer: compare.Answer, table: Table) -> dict[tuple[str, str], StateSamples]:

@@ -12,7 +12,7 @@ from pneucli.messages.findings import LITRES_PER_MINUTE
 from pneucli.messages.flow import FLOW_COLUMNS, LITRES_PER_BAR, Flow
 from pneucli.messages.formatting import format_plain, format_quantity, in_display_unit
 from pneucli.messages.identify import Answer
-from pneucli.report.figure import GREY, Line, chart, rank_colour
+from pneucli.report.figure import GREY, Line, chart, evenly_chosen, rank_colour
 from pneucli.report.page_elements import Figure, Grid, Note, Part, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.uncertainty import budget_tables
@@ -84,9 +84,7 @@ def _over_pressure(grid: Table) -> Figure:
     supply = float(np.max(grid["p_supply"]))
     at = grid.where(p_supply=supply)
     levels = np.unique(at["u"][np.isfinite(at["u"])])
-    chosen = (
-        levels[np.unique(np.linspace(0, levels.size - 1, MAX_LABELS).round().astype(int))] if levels.size else [None]
-    )
+    chosen = [*evenly_chosen(levels, MAX_LABELS)] or [None]
     lines = []
     for i, u in enumerate(chosen):
         rows = at if u is None else at.where(u=u)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.ticker import NullLocator, ScalarFormatter
 
 from pneucli.messages.design import (
     ENSEMBLE_TITLES,
@@ -18,7 +17,7 @@ from pneucli.messages.design import (
 )
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_bounded
-from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures
+from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures, logarithmic_beyond
 from pneucli.report.page_elements import Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
@@ -48,7 +47,7 @@ def section(material: ReportData) -> Section | None:
         parts.append(_grid("Choices of a law that [design] does not select", design.variants, tolerance))
     parts.append(_grid("The same controllers without the inverse of the valve's map", design.without_map, tolerance))
     parts += _pressure_control(design)
-    parts.append(_titles(design.controllers))
+    parts.append(Grid("The controllers.", ("controller", "control law"), [*design.controllers.items()], folded=True))
     if len(signals):
         parts += figures([*_errors(signals)])
     lead = (
@@ -79,10 +78,6 @@ def _pressure_control(design: Answer) -> Iterator[Grid]:
         yield Grid(caption, head, rows)
 
 
-def _titles(titles: Mapping[str, str]) -> Grid:
-    return Grid("The controllers.", ("controller", "control law"), [*titles.items()], folded=True)
-
-
 def _errors(signals: Table) -> Iterator[Drawing]:
     """Yield the error of all control laws over time, one figure for each scenario of position control."""
     for (scenario,), rows in signals.groups("scenario"):
@@ -96,8 +91,6 @@ def _errors(signals: Table) -> Iterator[Drawing]:
                 colour = GREY if name == "best" else PALETTE[(i - 1) % len(PALETTE)]
                 width = 2.0 if name == "best" else 0.9
                 one.axes.plot(mine["time"][indices], error[indices], color=colour, linewidth=width, label=str(name))
-            one.axes.set_yscale("symlog", linthresh=10.0)
-            one.axes.yaxis.set_major_formatter(ScalarFormatter())
-            one.axes.yaxis.set_minor_locator(NullLocator())
+            logarithmic_beyond(one.axes, 10.0)
             one.canvas.legend(loc="outside upper center", ncols=4)
         yield one

@@ -7,7 +7,7 @@ from pathlib import PurePath
 
 from pneucli.messages.formatting import format_number, format_plain, format_quantity
 from pneucli.messages.ingest import Answer, NoiseAnswer, Recording, Repair, implausibility_sentences
-from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Grid, Note, Part, Row, Section, warning_notes
+from pneucli.report.page_elements import MAX_UNFOLDED_ROWS, Columns, Grid, Note, Part, Row, Section, grid, warning_notes
 from pneucli.report.report_data import ReportData
 
 PLACE = 140  # on the page
@@ -33,26 +33,21 @@ def section(material: ReportData) -> Section | None:
 
 
 def _recordings(recordings: Sequence[Recording], material: ReportData) -> Grid:
-    head = ("recording", "experiment", "use", "chamber 2", "signals", "samples", "rate", "from – to", "file", "SHA-256")
     steady = material.steady_recordings
-    rows: list[Row] = [
-        [
-            r.name,
-            r.experiment + (", imposed motion" if r.imposed else ""),
-            r.use,
-            r.chamber_2 or "–",
-            ", ".join(name for name in r.signals if name != "time"),
-            f"{r.samples}",
-            "–" if r.name in steady else f"{format_plain(1 / r.period, 6)} Hz",
-            "rows" if r.name in steady else f"{format_number(r.from_)} – {format_number(r.to)} s",
-            PurePath(r.file).name,
-            r.sha256[:10],
-        ]
-        for r in recordings
-    ]
-    return Grid(
-        "Recordings; all signals are in SI, pressures absolute.", head, rows, folded=len(rows) > MAX_UNFOLDED_ROWS
-    )
+    columns: Columns[Recording] = {
+        "recording": lambda r: r.name,
+        "experiment": lambda r: r.experiment + (", imposed motion" if r.imposed else ""),
+        "use": lambda r: r.use,
+        "chamber 2": lambda r: r.chamber_2 or "–",
+        "signals": lambda r: ", ".join(name for name in r.signals if name != "time"),
+        "samples": lambda r: f"{r.samples}",
+        "rate": lambda r: "–" if r.name in steady else f"{format_plain(1 / r.period, 6)} Hz",
+        "from – to": lambda r: "rows" if r.name in steady else f"{format_number(r.from_)} – {format_number(r.to)} s",
+        "file": lambda r: PurePath(r.file).name,
+        "SHA-256": lambda r: r.sha256[:10],
+    }
+    caption = "Recordings; all signals are in SI, pressures absolute."
+    return grid(caption, recordings, columns, folded=len(recordings) > MAX_UNFOLDED_ROWS)
 
 
 def _noise(recordings: Sequence[Recording]) -> Grid:

@@ -32,6 +32,7 @@ from pneucli.report.figure import (
     Line,
     chart,
     drawing,
+    evenly_chosen,
     figures,
     heat_map,
     rank_colour,
@@ -115,8 +116,7 @@ def _steps(curves: Table) -> list[tuple[float, Table]]:
             longest[float(u)] = rows
     long = 0.5 * max(map(_duration, longest.values()))
     sizes = sorted({abs(u) for u, rows in longest.items() if _duration(rows) >= long})
-    places = np.unique(np.linspace(0, len(sizes) - 1, MAX_LABELS).round().astype(int))
-    chosen = {sizes[i] for i in places}
+    chosen = evenly_chosen(np.array(sizes), MAX_LABELS)
     return [(u, rows) for u, rows in sorted(longest.items()) if abs(u) in chosen]
 
 
@@ -197,8 +197,7 @@ def _map(grid: Table) -> Drawing:
 
 def _levels(table: Table) -> list[tuple[str, Any, Table]]:
     """Return the label, the colour and the rows of five pressures between the ends of a table."""
-    levels = np.unique(table["p"])
-    chosen = levels[np.unique(np.linspace(0, levels.size - 1, 7).round().astype(int)[1:-1])]
+    chosen = evenly_chosen(np.unique(table["p"]), 7)[1:-1]
     return [
         (format_quantity(level, "Pa", 2), rank_colour(i, chosen.size), table.where(p=level))
         for i, level in enumerate(chosen)

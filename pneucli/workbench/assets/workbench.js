@@ -190,7 +190,7 @@
     for (const button of $("buttons").querySelectorAll("[data-action]")) {
       const action = button.dataset.action;
       button.disabled = running || Boolean(state.broken) || (action === "add-named" && !named.length);
-      button.title = lines?.[action === "add-named" ? "add" : action] ?? "";
+      button.title = lines?.[action] ?? "";
     }
     const next = named.length ? "add-named" : state.stale?.compare ? "fit" : state.stale?.diagnose ? "diagnose" : state.lacks ? "plan" : "report";
     $("buttons").querySelectorAll("button").forEach((one) => one.classList.toggle("primary", one.dataset.action === next && !one.disabled));
@@ -447,7 +447,7 @@
   async function command(action, names = []) {
     banner("");
     await ask("command", { action, names, version: state.version });
-    state.command = { ...state.command, name: action, line: state.lines[action === "add-named" ? "add" : action] ?? `pneucli ${[action, state.file, ...names].join(" ")}`, running: true, progress: "starting", text: "" };
+    state.command = { ...state.command, name: action, line: state.lines[action] ?? `pneucli ${[action, state.file, ...names].join(" ")}`, running: true, progress: "starting", text: "" };
     showCommand();
   }
 
