@@ -83,6 +83,11 @@ _REWRITINGS = (
 )
 
 
+def _without_field_behind(width: int) -> Rewriting:
+    """Return what leaves out all that stands behind the columns."""
+    return Rewriting(rf"^((?:[^{{}}\r\n]*{{}}){{{width - 1}}}[^{{}}\r\n]*){{}}.*$", r"\1")
+
+
 def rewritings_in(text: str) -> tuple[Rewriting, ...]:
     """Return the ways of writing that a text shows.
 
@@ -321,8 +326,10 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     names = sample[0] if raw.header else list(plain.names) or numbers
     if raw.header and len(body[0]) == len(names) + 1 and not body[0][-1]:
         names = [*names, ""]  # every row ends with a delimiter, the header does not
-    if raw.header and names[-1].lower() == "comment" and {len(row) for row in body} == {len(names) - 1}:
+    if _has_comments(names[-1] if raw.header else first[-1], raw.header, body, len(names)):
         names = names[:-1]  # LabVIEW's last column, of which only rows with a comment have a field
+        if plain.delimiter != " ":
+            plain = replace(plain, rewritings=(*plain.rewritings, _without_field_behind(len(names))))
     if raw.header and all(map(_is_number, names)):
         where = f"{raw.path}, line {rows[0] + 1}"
         raise InputError(
@@ -340,6 +347,12 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     texts = _columns_of(body, lambda field: not is_value(field), len(names))
     columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
+
+
+def _has_comments(last: str, header: bool, body: list[list[str]], width: int) -> bool:
+    """Return whether the rows but for the first are one field shorter than the line of names, or than the first row."""
+    told = last.lower() == "comment" if header else bool(last) and not is_value(last)
+    return told and {len(row) for row in body[1:] or body} == {width - 1}
 
 
 def _units_in_cells(body: list[list[str]], width: int) -> dict[int, str]:

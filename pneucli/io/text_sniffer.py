@@ -136,6 +136,7 @@ class _DelimitedTable:
         tail = [row for row in tail if any(map(is_cell, row))] or tail  # not the header, where it stands again
         self.width = Counter(map(len, tail)).most_common(1)[0][0] if tail else 0
         self._tail = [row for row in tail if len(row) == self.width]
+        self._rows = [self._without_comment(n) for n in range(len(self._rows))]
         there = self._there = [[row[n] for row in self._tail if row[n] not in NULL_TEXTS] for n in range(self.width)]
         self._numeric = [n for n in range(self.width) if _share(map(is_cell, there[n])) >= MIN_VALUE_SHARE]
         self._scales: tuple[str, ...] = ()
@@ -176,6 +177,11 @@ class _DelimitedTable:
         header = self._rows[self.start - 1] if self.start and self.delimiter == "," else ()
         few = 1 < len(header) < self.width - 1 and not any(map(is_value, header))
         return few and all(re.fullmatch(r"[+-]?\d*", field) for row in self._tail for field in row)
+
+    def _without_comment(self, line: int) -> tuple[str, ...]:
+        """Return the fields of a line, without what LabVIEW writes below "Comment" in the first row alone."""
+        row, above = self._rows[line], self._rows[line - 1] if line else ()
+        return row[:-1] if len(row) == len(above) == self.width + 1 and above[-1] == "Comment" else row
 
     def _is_row(self, row: tuple[str, ...]) -> bool:
         if len(row) != self.width or not self._numeric:
@@ -269,10 +275,14 @@ class _DelimitedTable:
         return all(map(str.isdigit, first)) and all(int(b) == int(a) + 1 for a, b in pairwise(first))
 
     def _paired(self, above: list[int]) -> tuple[tuple[str, ...], tuple[str, ...], None] | None:
-        """Return names and units of columns that follow their stamps, where lines have a key above each stamp."""
-        rows = [self._rows[n] for n in above if len(self._rows[n]) == self.width]
-        paired = {row[0]: row[1::2] for row in rows if self.width > 2 and len({*row[::2]}) == 1}
-        names, units = (next((paired[one] for one in paired if key.fullmatch(one)), ()) for key in (_TITLES, _UNITS))
+        """Return names and units of columns that follow their stamps, where lines have a key above each stamp.
+
+        LabVIEW (X_Columns Multi) has "X_Value" there, its units above blanks, and a column of comments behind.
+        """
+        rows = [row[: self.width] for row in (self._rows[n] for n in above) if self.width <= len(row) <= self.width + 1]
+        keyed = [row for row in rows if self.width > 2 and {*row[::2]} <= {row[0], ""}]
+        paired = {row[0]: row[1::2] for row in keyed if "" not in row[::2] or _UNITS.fullmatch(row[0])}
+        names, units = (next((paired[one] for one in paired if key.fullmatch(one)), ()) for key in (_STAMPED, _UNITS))
         if not names:
             return None
         columns = tuple(text for name in names for text in (f"{name} time", name))
@@ -381,6 +391,7 @@ _TITLES = re.compile(
     r"(?i)(?:channel |signal |trace)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
     r"kanalname"
 )
+_STAMPED = re.compile(rf"{_TITLES.pattern}|X_Value")
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")
 _NO_SCALES = ("", "1", "1.0")
 _POWER_OF_TEN = re.compile(r"10*(?:\.0*)?|0\.0*1|1(?:\.0*)?[eE][+-]?\d+")

@@ -145,6 +145,23 @@ def test_a_table_of_labview_without_a_clock_begins_below_its_keys(tmp_path: Path
     assert judge(path, tmp_path, 0.0).verdict == "right"
 
 
+@pytest.mark.parametrize(("multi", "comments"), [(False, True), (True, False), (True, True)])
+def test_comments_of_labview_and_clocks_of_its_channels_are_heeded(multi: bool, comments: bool, tmp_path: Path) -> None:
+    clocks, names = [T, T[::2], T] if multi else [T], ["U", "P1", "Pos"]
+    channels = [U, P[::2], X] if multi else [U, P, X]
+    columns = [c for pair in zip(clocks, channels, strict=True) for c in pair] if multi else [T, *channels]
+    head = "\t".join([f"X_Value\t{name}" for name in names] if multi else ["X_Value", *names]) + "\tComment"
+    apart = "\t\t" if multi else "\t"
+    keys = ["LabVIEW Measurement\t", f"X_Columns\t{'Multi' if multi else 'One'}", "***End_of_Header***\t", "\t"]
+    keys += [f"Channels\t3{apart * 3}", f"Y_Unit_Label\t{apart.join(['V', 'bar', 'mm'])}\t", "***End_of_Header***\t"]
+    rows = ["\t".join(f"{c[n]:.5f}" if n < len(c) else "" for c in columns) for n in range(COUNT)]
+    for line, text in {0: "valve 3, warm", 900: "the supply was shut"}.items():
+        rows[line] += f"\t{text}" * comments
+    path = tmp_path / "a.lvm"
+    path.write_text("\n".join([*keys, head, *rows]) + "\n", encoding="utf-8")
+    assert judge(path, tmp_path, 0.0).verdict == "right"
+
+
 def test_a_column_without_a_name_and_without_a_number_is_no_fault(tmp_path: Path) -> None:
     rows = "".join(f"{n};{n % 7};;{n % 5}\n" for n in range(200))
     (tmp_path / "a.csv").write_text(rows, encoding="utf-8")
