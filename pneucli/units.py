@@ -348,6 +348,7 @@ __all__ = [
     "Unit",
     "factor_and_offset",
     "is_count",
+    "is_unit",
     "parse_quantity",
     "parse_scaled_unit",
     "parse_unit",
@@ -474,6 +475,15 @@ def _reduce(tokens: list[Unit | str], text: str, depth: int) -> Unit:
         raise UnitError(f'unit "{text}" has a bracket without its partner')
     del tokens[:1]
     return result
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a field says a unit, other than none."""
+    bare = text.strip("[](){}<> ")
+    try:
+        return bool(parse_scaled_unit(bare)) and bare != "1"
+    except UnitError:
+        return False
 
 
 def parse_unit_as(text: str, wanted: str) -> Unit:

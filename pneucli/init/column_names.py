@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 from pneucli.init.survey_types import Column
 from pneucli.io.file_units import RANGE, read_unit
-from pneucli.io.text_sniffer import is_unit
-from pneucli.units import same_dimension
+from pneucli.units import is_unit, same_dimension
 
 _DRIVES = (
     "u op cmd command- valve- -valve ventil- -ventil stell- control- duty pwm vanne valvula ansteuer- drive- input "
@@ -103,7 +102,9 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|[^\W\d_A-Za-z]+")
 _VOICED = "\u3099\u309a"  # marks of Japanese letters, which are no accents
 _JOINED = re.compile(r"(p)(sup\w*|tank|vessel|chamber|cyl\w*|rail|line|source|left|right|front|rear)")  # run together
 _ANALOGUE = re.compile(r"(?i)\banalog(?:ue)?[\s_]+in(?:put)?(?=[\s_]?\d)")
+_DELTA = re.compile("(?<![^\\W_])d ?P(?![a-z])")  # a difference of pressures
 _INPUTS = ("ch", "channel", "kanal", "ai", "ain")  # of a recorder, whose number or letter is that of no chamber
+_ELEMENT = re.compile(r"^(.*?)(_[^\W\d_]+)?\[(\d+)\]$")  # of an array: "pressure_pa[0]" is a first one
 _NODE = re.compile(r"^(?:ns=\d+;)?[sgib]=")  # what OPC UA writes before a name
 _VALUE = re.compile(r"(?i)(?<!^x)[\s_]+value[xy]?$")  # what recorders write behind a name, beside its stamps
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+")
@@ -185,7 +186,7 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     kind, nouns = name.kind, name.nouns
     if name.has(f"{_RESULTS} {NO_SIGNAL}") or (kind == "pressure" and name.has(_AMBIENT)):
         return
-    certainty = 1.0 + bool(nouns) - 0.5 * name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}")
+    certainty = 1.0 + (kind in nouns) - 0.5 * name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}")
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)
     if kind == "pressure":
@@ -258,7 +259,7 @@ def is_spread(name: ColumnName) -> bool:
 def _words(stem: str) -> tuple[str, ...]:
     plain = unicodedata.normalize("NFKD", stem.translate(_PLAIN))
     plain = "".join(letter for letter in plain if letter in _VOICED or not unicodedata.combining(letter))
-    plain = _ANALOGUE.sub("ai", plain)
+    plain = _DELTA.sub("dp", _ANALOGUE.sub("ai", plain))
     parts = ("flow" if part == "Q" else part.lower() for part in _WORD.findall(unicodedata.normalize("NFC", plain)))
     found = (_JOINED.fullmatch(part) or part for part in parts)  # a joint's angle is a small q
     words = tuple(word for one in found for word in ((one,) if isinstance(one, str) else one.groups()))
@@ -303,7 +304,8 @@ def _stands_behind_a_blank(text: str, stem: Sequence[str]) -> bool:
     whole = text.count("(") == text.count(")") and text.count("[") == text.count("]")
     if not (text[0].isalpha() and whole and ("/" in text or " " not in text) and is_unit(text)):
         return False
-    meant = len(text) > 2 and quantity_kind(text) in ColumnName(_words(" ".join(stem)), "").nouns  # "Abs Press PSIA"
+    said = ColumnName(_words(" ".join(stem)), "")
+    meant = len(text) > 2 and quantity_kind(text) in (said.kind, *said.nouns)  # "Abs Press PSIA", "Supply PSIA"
     return meant or not (text.isupper() or text.lower() in _WORDS_TOO)
 
 
@@ -336,6 +338,8 @@ def _telling_parts(name: str) -> list[str]:
 
 def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
     """Return what the names of columns say; of paths that end alike the part before the end tells them apart."""
+    from_zero = any(one.name.endswith("[0]") for one in columns)
+    columns = [replace(one, name=_counted_from_one(one.name, from_zero)) for one in columns]
     ends = Counter(_telling_part(one.name) for one in columns)
     found = []
     for one in columns:
@@ -345,6 +349,11 @@ def read_names(columns: Sequence[Column], is_text: bool) -> list[ColumnName]:
         both = parts and (ends[last] > 1 or (element and not read_name(one, is_text).nouns))
         found.append(read_name(replace(one, name=f"{parts[0]} {last}") if both else one, is_text))
     return _without_components(found)
+
+
+def _counted_from_one(name: str, from_zero: bool) -> str:
+    """Return the name of an element of an array with its number, from 1, before the unit: ``p_pa[0]`` as ``p_1_pa``."""
+    return _ELEMENT.sub(lambda found: f"{found[1]}_{int(found[3]) + from_zero}{found[2] or ''}", name)
 
 
 def _without_components(names: Sequence[ColumnName]) -> list[ColumnName]:

@@ -239,7 +239,8 @@ def pressure_references(found: Sequence[FileGroup]) -> dict[str, Reference]:
         for signal, one in kind.signals.items():
             if not signal.startswith("p"):
                 continue
-            columns = [scaled(values, one) for values in kind.raw_numbers(signal)]
+            is_asked = one.ask_unit or not np.isfinite(one.scale)  # such numbers tell no pressure
+            columns = [] if is_asked else [scaled(values, one) for values in kind.raw_numbers(signal)]
             answer = pressure_reference(columns, one.unit, one.reference)
             if answer.certainty < 2 and signal == "p1" and "force" in kind.signals:
                 answer = pressure_reference_from_force(columns, kind.raw_numbers("force"), one.unit) or answer

@@ -20,8 +20,7 @@ from pneucli.init.clock_columns import computed_column, counts_rows, guess_clock
 from pneucli.init.column_names import DIFFERENCE, NO_SIGNAL, SUPPLY, ColumnName, quantity_kind
 from pneucli.init.survey_types import Column, Guess, Survey, UnitGuess
 from pneucli.init.units import guess_unit, implausibility
-from pneucli.io.text_sniffer import is_unit
-from pneucli.units import parse_unit, same_dimension
+from pneucli.units import is_unit, parse_unit, same_dimension
 
 MAX_SUPPLY_RANGE = 0.15  # of the largest range of the other pressures, over which a supply moves
 MIN_SUPPLY_LEVEL = 0.95  # of the most that another pressure reaches, at which a supply stands

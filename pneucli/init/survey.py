@@ -19,17 +19,18 @@ from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_clock, paired_clocks
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.role_evidence import pressure_behind_valve
-from pneucli.init.survey_types import Column, Guess, Survey
+from pneucli.init.survey_types import Column, Survey
 from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
-from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, is_unit, sniff, stated_numbers
+from pneucli.io.signal_repairs import bad_rows, good_words
+from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
 from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls
 from pneucli.paths import file_on_disk
-from pneucli.units import parse_unit, same_dimension
+from pneucli.units import is_unit, parse_unit, same_dimension
 
 MAX_LABELS = 30  # channels of a long table
 MAX_RUNS = 200  # runs in one table
@@ -51,11 +52,6 @@ _RUN_COLUMN = re.compile(
 )
 _RUN_TAG = re.compile(rf"(?i)[\s_\-./(#]*(?<![a-z])(?:{_RUN_WORDS})s?[\s_\-.#/]*(\d+)\)?")
 _VALIDITY = re.compile(r"(?i)(.+?)[\s_./:-]*(?:is[\s_]?)?(valid(?:ity)?|ok|good|quality|status)")
-_GOOD = re.compile(r"(?i)good|ok|valid|true")
-_BAD = re.compile(
-    r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
-)
-_OPC_GOOD = 192  # quality of OPC DA (0xC0), below which a value is bad or uncertain
 _ELEMENT = re.compile(r"(?<=\w)/(\d+)(?=/)")  # of an array of structs
 
 Labels = Mapping[str, ColumnValues]  # columns of text, or of numbers that were read as text, by name
@@ -83,12 +79,14 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
     texts = labels[key]
     names = dict.fromkeys(text for text in texts if text)
     said = next((own for other, own in labels.items() if other != key and all(map(is_unit, set(own)))), None)
-    split = []
+    beside = {one.name: [f"{number:g}" for number in one.values] for one in values if one is not value}
+    judged = bad_rows({**labels, **beside})
+    split, good = [], np.ones(texts.size, dtype=bool) if judged is None else ~judged[1]
     for name in names:
-        rows = texts == name
+        rows = (texts == name) & good
         one = replace(value, name=name, values=value.values[rows], where=(key, name), unit="")
         split.append(one if said is None else with_unit_beside(one, said[rows]))
-    return [replace(clock, values=clock.values[texts == split[0].name]), *split]
+    return [replace(clock, values=clock.values[(texts == split[0].name) & good]), *split]
 
 
 def with_unit_beside(column: Column, texts: ColumnValues | None) -> Column:
@@ -123,9 +121,13 @@ def with_validity(
             continue
         number = by_name.get(name)
         texts = labels[name] if name in labels else as_text(number) if number is not None else None
-        if texts is not None and texts.size == own.values.size and (good := _good_of(texts, called[2].lower())):
+        if (
+            texts is not None
+            and texts.size == own.values.size
+            and len(good := good_words(texts, called[2].lower())) == 1
+        ):
             key: ColumnKey = name if name in labels or number is None else number.key
-            found[id(own)] = key, good, texts == good
+            found[id(own)] = key, good[0], texts == good[0]
     used = {str(key) for key, *_ in found.values()}
     kept = [one for one in columns if str(one.key) not in used]
     return [_valid_rows(one, *found[id(one)]) if id(one) in found else one for one in kept], used
@@ -137,21 +139,6 @@ def _valid_rows(column: Column, key: ColumnKey, good: str, rows: ColumnValues) -
 
 def _letters(name: str) -> str:
     return re.sub(r"[\W_]", "", name.lower())
-
-
-def _good_of(texts: ColumnValues, called: str) -> str:
-    """Return the word or number that calls a value good where all others call it bad; empty where none does."""
-    words = [str(text).strip() for text in dict.fromkeys(texts)]
-    numbers = [float(word) if word.replace(".", "", 1).isdigit() else None for word in words]
-    if called in ("quality", "status"):
-        good = [n is not None and n >= _OPC_GOOD for n in numbers]
-        bad = [n is not None and n < _OPC_GOOD for n in numbers]
-    else:
-        good, bad = [n == 1.0 for n in numbers], [n == 0.0 for n in numbers]
-    good = [one or bool(_GOOD.fullmatch(word)) for one, word in zip(good, words, strict=True)]
-    bad = [one or bool(_BAD.fullmatch(word)) for one, word in zip(bad, words, strict=True)]
-    told = sum(good) == 1 and len(words) > 1 and all(a != b for a, b in zip(good, bad, strict=True))
-    return words[good.index(True)] if told else ""
 
 
 def _may_be_stamp(column: Column) -> bool:
@@ -246,8 +233,6 @@ def runs_beside_one_another(columns: Sequence[Column]) -> list[tuple[str, list[C
         return []
     return [(run, [replace(one, name=stem) for one, stem, tag in table if not tag or tag[1] == run]) for run in runs]
 
-
-__all__ = ["Column", "Guess", "Survey", "survey_file"]
 
 MAX_SURVEY_ROWS = 200_000  # rows that are looked at
 SPARSE = 0.1  # of the rows of the longest clock: fewer are those of a command that is logged on change

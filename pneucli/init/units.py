@@ -79,7 +79,8 @@ class Reference(NamedTuple):
 def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> Reference:
     """Return what pressures count from.
 
-    ``columns`` are those of one sensor, one a recording, in its ``unit``; ``stated`` is what its name says.
+    ``columns`` are those of one sensor, one a recording, in its ``unit``, none where that is still asked for;
+    ``stated`` is what its name says.
     """
     parsed = parse_unit(unit)
     if stated or parsed.gauge or parsed.absolute:
@@ -101,8 +102,8 @@ def pressure_reference(columns: Sequence[Array], unit: str, stated: str) -> Refe
         return Reference("absolute", why, certainty=1)
     guess = "absolute" if parsed.factor == 1.0 else "gauge"
     usual = "pascals are mostly absolute" if guess == "absolute" else "sensors are mostly gauge"
-    why = f"CHECK {guess}: it never stays at ambient pressure (least {lowest}); {usual}"
-    return Reference(guess, why, certainty=0)
+    seen = f"it never stays at ambient pressure (least {lowest}); " if np.isfinite(least) else ""
+    return Reference(guess, f"CHECK {guess}: {seen}{usual}", certainty=0)
 
 
 def _is_vented(pascals: Array) -> bool:

@@ -176,9 +176,9 @@ def _clock(kinds: Sequence[FileGroup]) -> str:
     """Return the clock of files that have none: the number of the row over the sampling rate."""
     scalars = {name: value for kind in kinds for name, value in kind.surveys[0].scalars.items()}
     if (entry := stated_period(scalars)) is not None:
-        name, value = entry[0], scalars[entry[0]]
-        text = f"row / {value:.9g}" if is_rate(name) else f"row * {value:.9g}"
-        return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {value:.9g}'
+        name, period = entry
+        text = f"row / {1 / period:.9g}" if is_rate(name) else f"row * {period:.9g}"
+        return f'time = {{ expression = "{text}" }}  # CHECK no column rises like a clock; {name} = {scalars[name]:.9g}'
     return 'time = { expression = "row / ?" }  # no column rises like a clock: put in the samples per second'
 
 

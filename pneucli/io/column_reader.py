@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -15,8 +15,10 @@ import pyarrow as pa
 
 from pneucli.errors import InputError
 from pneucli.io.clock import Clock, is_date_or_time, parse_since
+from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.packed import library_errors_as_input_errors
 from pneucli.io.raw_file import ColumnRequest, ColumnValues, Reader, Repair
+from pneucli.units import is_unit, parse_unit, same_dimension
 
 FetchColumns = Callable[[Sequence[str]], list[ColumnValues]]
 
@@ -209,11 +211,14 @@ def packing(said: Mapping[str, Any], *, whole: bool) -> tuple[float, float] | No
     """Return factor and offset that attributes say of packed numbers; None where they may be meant in several ways.
 
     Those of CF (conventions 1.11, section 8.1) are certain. Others count for ``whole`` numbers alone: a gain below 1 is
-    one count in the unit, a larger one may be an amplifier's, and a whole offset one of counts.
+    one count in the unit, a larger one may be an amplifier's, and a whole offset one of counts. What Neurodata Without
+    Borders calls ``conversion`` is no amplifier's, and its ``offset`` stands in the unit.
     """
-    is_cf = not whole or bool(said.keys() & {"scale_factor", "add_offset"})
-    factor = _said_number(said, re.compile("scale_factor") if is_cf else _FACTORS, 1.0)
-    offset = _said_number(said, re.compile("add_offset") if is_cf else _OFFSETS, 0.0)
+    is_nwb = whole and "conversion" in said
+    is_cf = is_nwb or not whole or bool(said.keys() & {"scale_factor", "add_offset"})
+    clear = ("conversion", "offset") if is_nwb else ("scale_factor", "add_offset")
+    factor = _said_number(said, re.compile(clear[0]) if is_cf else _FACTORS, 1.0)
+    offset = _said_number(said, re.compile(clear[1]) if is_cf else _OFFSETS, 0.0)
     certain = is_cf or offset == 0.0 or (abs(factor) < 1.0 and offset % 1.0 != 0.0)
     return (factor, offset) if certain and (is_cf or abs(factor) <= 1.0) else None
 
@@ -221,6 +226,13 @@ def packing(said: Mapping[str, Any], *, whole: bool) -> tuple[float, float] | No
 def _said_number(said: Mapping[str, Any], key: re.Pattern[str], otherwise: float) -> float:
     found = (number_in(np.ravel(own)[0]) for name, own in said.items() if key.fullmatch(name) and np.size(own) == 1)
     return next(found, otherwise)
+
+
+def titles_and_units(arrays: Iterable[Sequence[str]], count: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Return what arrays of texts beside a matrix call its columns, and their units; each empty where none tells."""
+    told = [own for own in arrays if len(own) == count > 1 and all(own)]
+    units = next((own for own in told if all(map(is_unit, own))), ())
+    return next((own for own in told if own is not units and len({*own}) == count), ()), units
 
 
 STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
@@ -253,7 +265,7 @@ _RATE_NAMES = re.compile(
     r"(?i)^(?:fs|f_s|fsample|rate|(?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)[ _]?(?:rate|fre[qk]\w*))\b"
 )
 _PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|d[tx]|delta[ _]?[tx]|tsample|sample[ _]?time|time[ _]?step|(?:x[ _]?)?increment|"
+    r"(?i)^(?:ts|t_s|d[tx]|delta(?:[ _]?[tx])?|tsample|sample[ _]?time|time[ _]?step|(?:x[ _]?)?increment|"
     r"h[ _]?resolution|(?:(?:sampl\w*|scan|acquisition|record\w*|abtast|mess)[ _]?)?(?:intervall?|period))\b"
 )
 SAME_RATE = 0.02  # by which two statements of one rate may differ
@@ -261,9 +273,17 @@ SAME_RATE = 0.02  # by which two statements of one rate may differ
 
 def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:
     """Return what single values say of the time between two samples (s), with the name that says it; None: nothing."""
-    found = {name: 1.0 / own if is_rate(name) else own for name, own in scalars.items() if own > 0 and tells_rate(name)}
+    told = {name: own * _factor_in(name) for name, own in scalars.items() if own > 0 and tells_rate(name)}
+    found = {name: 1.0 / own if is_rate(name) else own for name, own in told.items()}
     agree = found and max(found.values()) < (1 + SAME_RATE) * min(found.values())
     return next(iter(found.items())) if agree else None
+
+
+def _factor_in(name: str) -> float:
+    """Return what one is in Hz or s, in the unit in brackets at the end of a name: ``Period (ns)``."""
+    unit = unit_in_brackets(name)
+    timed = is_unit(unit) and same_dimension(unit, "Hz" if is_rate(name) else "s")
+    return parse_unit(unit).factor if timed else 1.0
 
 
 def is_rate(name: str) -> bool:

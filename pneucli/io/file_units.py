@@ -17,6 +17,7 @@ RANGE = re.compile(
     r"(?<![\w.])[-+]?\d+(?:[.,]\d+)?\s*(?:\.{2,3}|[-–…]|to|bis)\s*[-+]?\d+(?:[.,]\d+)?\s*(?=[^\W\d])"
 )  # 0-10 V
 _WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)", "p1 [bar] (abs)"
+_IN = re.compile(r"(?i)^in (?!lb|oz|h)")  # "Pressure (in bar)", and neither "in lb" nor "in Hg"
 _UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")
 _WORDS = (
     "abs absolute rel relative gauge filt filtered mean avg left right top bottom in out front rear soll ist set "
@@ -46,6 +47,7 @@ class WrittenUnit:
 def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     """Return the unit that a file states for its column; None where it states none."""
     in_name = _BRACKETED.search(reader.names[place])
+    in_name = None if in_name and in_name[2].isdigit() else in_name  # an element of an array
     at_end = _AT_END.search(reader.names[place])
     inner = _WITH_STATE.search(reader.names[place])
     of_state = (f"{inner[1]} {inner[2]}", inner[1]) if inner else ()
@@ -66,7 +68,7 @@ def unit_in_brackets(name: str) -> str:
 
 def read_unit(text: str) -> WrittenUnit:
     """Return a unit as it is written, known or not; a range, and a date since which it counts, are no part of it."""
-    text = RANGE.sub("", SINCE.sub("", text).partition("=")[0])
+    text = _IN.sub("", RANGE.sub("", SINCE.sub("", text).partition("=")[0]))
     try:
         unit, scale, certain = parse_scaled_unit(text)
     except UnitError:

@@ -32,7 +32,7 @@ from pneucli.io.raw_file import (
     joined,
     missing_column,
 )
-from pneucli.io.signal_repairs import SignalRepairs, is_held
+from pneucli.io.signal_repairs import JUDGES, SignalRepairs, bad_rows, is_held
 from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls, loss_repairs
 from pneucli.units import parse_unit, same_dimension
 
@@ -212,11 +212,19 @@ class SignalReader:
         requests = self._column_requests(names, self.positions["time"])
         own = [_column_request(clock, self._clock_channel(clock)) for clock in clocks]
         texts = [ColumnRequest(self._required_position("where", key), text=True) for key in labels]
+        asked = {one.position for one in (*requests, *own, *texts)}
+        beside = [n for n, name in enumerate(self.reader.names) if labels and n not in asked and JUDGES.fullmatch(name)]
+        texts += [ColumnRequest(n, text=True) for n in beside]
         whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*requests, *own, *texts]), strict=True)]
         numbers = self._numbers(names, whole[: len(requests)])
         time = self._repaired("time", numbers["time"])
         stamps = dict(zip(clocks, whole[len(requests) :], strict=False))
-        by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=True))
+        by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=False))
+        words = {self.reader.names[n]: own for n, own in zip(beside, whole[-len(beside) :], strict=False)}
+        if (judged := bad_rows(words)) is not None:
+            by_label = {key: np.where(judged[1], "", own) for key, own in by_label.items()}
+            count = int(np.count_nonzero(judged[1]))
+            self._noted.append(Repair("", "quality", count, f'"{judged[0]}" calls {count} rows bad: left out'))
         return [self._table(group, groups, {**numbers, "time": time}, stamps, by_label) for group in _unique(groups)]
 
     def _clock_channel(self, clock: int | None) -> Channel:

@@ -5,15 +5,16 @@ What was replaced, undone or filled in is counted and reported; numbers that nee
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pneucli.arrays import Array, Indices, Mask
 from pneucli.io.clock import CounterClock
-from pneucli.io.raw_file import Channel, Repair
+from pneucli.io.raw_file import Channel, ColumnValues, Repair
 from pneucli.io.timestamp_order import hold_missing
 from pneucli.messages.formatting import format_plain
 
@@ -376,3 +377,37 @@ def _counter_period(period: float, values: Array, tolerance: float) -> float | N
     candidates |= {*_TURNS} | {float(round_ * scale) for round_ in _ROUND for scale in (decade, 10 * decade)}
     near = [one for one in candidates if abs(one - period) <= tolerance]
     return min(near, key=lambda one: abs(one - period)) if near and tolerance < 0.05 * period else None
+
+
+_GOOD = re.compile(r"(?i)good|ok|valid|true")
+_BAD = re.compile(
+    r"(?i)bad|not? ?ok|nok|invalid|false|uncertain|fault|error|fail(?:ed|ure)?|stale|timeout|(?:under|over)-?range"
+)
+_OPC_GOOD = 192  # quality of OPC DA (0xC0), below which a value is bad or uncertain
+JUDGES = re.compile(
+    r"(?i)(?:.*/)?(?:(?:opc|data|sample|value|tag)?[\s_]?(quality|status|valid(?:ity)?)[\s_]?(?:code)?|q)"
+)
+
+
+def good_words(texts: Iterable[object], called: str) -> list[str]:
+    """Return the words or numbers that call a value good where all others call it bad; none where they do not."""
+    words = [str(text).strip() for text in dict.fromkeys(texts)]
+    numbers = [float(word) if word.replace(".", "", 1).isdigit() else None for word in words]
+    if called in ("quality", "status"):
+        good = [n is not None and n >= _OPC_GOOD for n in numbers]
+        bad = [n is not None and n < _OPC_GOOD for n in numbers]
+    else:
+        good, bad = [n == 1.0 for n in numbers], [n == 0.0 for n in numbers]
+    good = [one or bool(_GOOD.fullmatch(word)) for one, word in zip(good, words, strict=True)]
+    bad = [one or bool(_BAD.fullmatch(word)) for one, word in zip(bad, words, strict=True)]
+    told = any(good) and any(bad) and all(a != b for a, b in zip(good, bad, strict=True))
+    return [word for word, one in zip(words, good, strict=True) if one and told]
+
+
+def bad_rows(columns: Mapping[str, ColumnValues | list[str]]) -> tuple[str, Mask] | None:
+    """Return the column of a long table that calls rows good or bad, and which rows are bad; None where none does."""
+    for name, texts in columns.items():
+        called = JUDGES.fullmatch(name.strip())
+        if called and (good := good_words(texts, (called[1] or "quality").lower())):
+            return name, ~np.isin(np.asarray(texts, dtype=str), good)
+    return None

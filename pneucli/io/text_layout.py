@@ -63,6 +63,7 @@ _REWRITINGS = (
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
     Rewriting(_BLANK, " "),
     Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
+    Rewriting(r"(?<={})(?<! )[ ]*([+-])[ ]+(?=\.?\d)", r"\1"),  # a sign apart from its number: "+   1.013"
     Rewriting(r"(?:^|(?<=[{}\"]))'(?=[-+]?\.?\d)", ""),  # in front of what a spreadsheet is not to take for a formula
     Rewriting(r"(?<![\w.])([+-]?(?:\d+(?:\.\d*)?|\.\d+))[dD](?=[+-]\d{1,3}(?![\w.]))", r"\1E"),  # as Fortran writes
     Rewriting(r"(?<=[\d.])(?:\*|[ ]?[x×*][ ]?10)\^[({]?([+-]?\d+)[)}]?", r"E\1"),  # 1.5x10^-3, 1.5*^-3

@@ -30,7 +30,7 @@ from pneucli.io.text_layout import (
     table_end,
     with_keys,
 )
-from pneucli.units import is_count, parse_scaled_unit, parse_unit, same_dimension
+from pneucli.units import is_count, is_unit, parse_unit, same_dimension
 
 MAX_LINES = 2000  # lines that are looked at
 DELIMITERS = ("\t", ";", ",", " ", "|")
@@ -258,7 +258,8 @@ class _DelimitedTable:
                 names = max(texts, key=lambda n: (self._distinct(n), n), default=before)
                 return self._rows[names][: self.width], self._rows[units][: self.width], names
         last = -1 if numbers else next((n for n in reversed(wide) if self._has_value(n)), -1)
-        most = max((n for n in wide[-MAX_HEADER_LINES:] if n > last), key=lambda n: (self._distinct(n), n))
+        below = [n for n in wide[-MAX_HEADER_LINES:] if n > last]
+        most = max(below, key=lambda n: (self._has_units(n), self._distinct(n), n))
         if self._rows[most][0] in _MARKS and len(self._rows[most]) > self.width:
             return self._rows[most][1:], (), None
         return self._rows[most][: self.width], (), most
@@ -301,6 +302,10 @@ class _DelimitedTable:
 
     def _has_value(self, line: int) -> bool:
         return any(is_value(field) for field in self._rows[line] if field not in NULL_TEXTS)
+
+    def _has_units(self, line: int) -> bool:
+        """Return whether most names of a line end with a unit in brackets."""
+        return _share(is_unit(unit_in_brackets(field)) for field in self._rows[line] if field) > MIN_VALUE_SHARE
 
     def _distinct(self, line: int) -> int:
         """Return how many columns different texts name: a line that says "Value" of each column names none."""
@@ -401,15 +406,6 @@ _UNITS = re.compile(r"(?i)(?:v|vert_|y[ _]?)?units?(?:[ _]labels?)?|einheit(?:en
 def apply_sniffed(raw: RawFile, found: SniffedLayout) -> RawFile:
     """Return ``raw`` with what has to be stated to read it as found."""
     return replace(raw, header=found.header, skip_rows=found.skip_rows, delimiter=found.delimiter)
-
-
-def is_unit(text: str) -> bool:
-    """Return whether a field says a unit, other than none."""
-    bare = text.strip("[](){}<> ")
-    try:
-        return bool(parse_scaled_unit(bare)) and bare != "1"
-    except UnitError:
-        return False
 
 
 def _are_units(fields: Sequence[str]) -> bool:

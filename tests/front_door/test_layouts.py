@@ -235,6 +235,9 @@ def test_runs_that_stand_beside_one_another_are_told_by_their_names(names: str, 
         ("Läge [mm]", "x"),
         ("u ValueY", "u"),
         ("dp [bar]", ""),
+        ("dP [bar]", ""),
+        ("Supply PSIA", "p_supply"),
+        ("pressure_pa[2]", "p2"),
         ("delta_p [bar]", ""),
         ("p_s", "p_supply"),
         ("Flow l/min", "flow"),
@@ -456,10 +459,19 @@ def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_a
 
 
 def test_what_stands_beside_the_values_of_a_long_table_is_counted(tmp_path: Path) -> None:
-    rows = "".join(f"{n / 100},{tag},{n % 7},{192 if n % 50 else 0}\n" for n in range(200) for tag in ("u", "p1"))
+    judged = [(n / 100, n % 7, 192) if n % 50 else (n / 100, 1e4, 0) for n in range(200)]
+    rows = "".join(f"{t},{tag},{value},{quality}\n" for t, value, quality in judged for tag in ("u", "p1"))
     answer = init.create(tmp_path / "rig", [written(tmp_path, f"ts,tag,val,quality\n{rows}")])
     assert answer.left_out == ['a.csv: "quality": texts, "192" 392 times, "0" 8 times']
     assert {one.signal for one in answer.columns} == {"time", "u", "p1"}
+    text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
+    assert len(re.findall(r"# 0, 3, 6", text)) == 2, "rows that are called bad have 1e4"
+    label = Channel("val", where=("tag", "p1"))
+    signals = open_signals(RawFile(tmp_path / "a.csv", {"time": Channel("ts"), "p1": label}))
+    read = np.concatenate([batch["p1"] for batch in signals.batches()])
+    assert '"quality" calls 8 rows bad: left out' in [one.message for one in signals.repairs]
+    assert read.size == 196
+    assert read.max() == 6
 
 
 def test_a_channel_of_json_is_taken_by_its_label(tmp_path: Path) -> None:
@@ -514,6 +526,8 @@ def test_an_old_code_page_is_recognised(encoding: str, header: str) -> None:
     ("header", "first", "second"),
     [
         ("Time (s),Valve (V),Supply (psig),Chamber A (psia),Chamber B (psig)", "psia", "psig"),
+        ("t [s],valve [V],Supply [Pa],pressure_pa[0],pressure_pa[1]", "[0]", "[1]"),
+        ("t [s],valve [V],Supply [bar],Chamber A [bar],Chamber B [bar]", "A", "B"),
         ("t [s],/v/cmd/data,/p/supply/fluid_pressure,/p/head/fluid_pressure,/p/rod/fluid_pressure", "head", "rod"),
     ],
 )
@@ -527,6 +541,7 @@ def test_letters_of_chambers_and_parts_of_paths_tell_the_roles(
     assert "upply" in found["p_supply"]
     assert first in found["p1"]
     assert second in found["p2"]
+    assert "order of the columns" not in (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
 
 
 AXIS = {"t [s]": "t", "u [V]": "u", "x [mm]": "x"}
@@ -634,6 +649,7 @@ def test_a_table_on_its_side_is_refused_in_one_line(tmp_path: Path) -> None:
     [
         *(("influx", "time"), ("grafana", "timestamp"), ("listed", ""), ("by name", "time [ms]")),
         *(("pandas", "index"), ("pandas by row", "index"), ("numbered fields", "time"), ("hits", "time")),
+        ("objects", "timestamp"),
     ],
 )
 def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_path: Path) -> None:
@@ -652,6 +668,9 @@ def test_tables_and_channels_within_json_are_found(form: str, clock: str, tmp_pa
         "pandas by row": {str(a): {"valve_V": b, "p1_bar": c} for a, b, c in np.column_stack([t, u, p]).tolist()},
         "numbered fields": {"channel": {"name": "rig", "field1": "valve_V", "field2": "p1_bar"}, "feeds": [
             {"time": a, "field1": b, "field2": c} for a, b, c in np.column_stack([t, u, p]).tolist()]},
+        "objects": {"timeseriesData": [
+            {"externalId": name, "items": [{"timestamp": a, "value": b} for a, b in zip(t.tolist(), v, strict=True)]}
+            for name, v in names.items()]},
         "hits": {"took": 12, "hits": {"total": {"value": 50}, "hits": [
             {"_index": "rig", "_source": {"time": a, "valve_V": b, "p1_bar": c}, "sort": [a]}
             for a, b, c in np.column_stack([t, u, p]).tolist()]}},

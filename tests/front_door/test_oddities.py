@@ -61,6 +61,7 @@ def test_a_sensor_that_is_logged_in_volts_asks_for_its_scale(unit: str, tmp_path
     found = outcome(tmp_path, {"Time [s]": T, "U [V]": U, f"P1 [{unit}]": P, "Pos [mm]": X})
     assert found.verdicts == {"u": "right", "p1": "marked", "x": "right"}
     assert f"CHECK the file says {unit}, of a sensor" in found.why
+    assert "ambient pressure" not in found.why, "numbers whose scale is asked for tell no pressure"
 
 
 @pytest.mark.parametrize("word", ["OL", "OVER", "ERR", "---", "********", "#VALUE!", "9.91E+37"])

@@ -423,12 +423,39 @@ def lists_of_lists(rows: Rows) -> str:
     return "\n".join(json.dumps(row) for row in (["t [s]", "u [V]", "p_supply [bar(a)]", "p1 [bar(a)]"], *rows))
 
 
+def graphtec(rows: Rows) -> str:
+    """GL840: a table of channels above, a line of units below the header, the sign apart from its number."""
+    head = (
+        *("Vendor,GRAPHTEC Corporation", "Model,GL840", "AMP settings", "CH,Signal name,Input,Range,Filter,Span"),
+        *("CH1,valve command,DC,20V,Off,10.0,-10.0,V", "CH2,supply pressure,DC,10V,Off,10.0,-0.0,bar"),
+        *("CH3,tank pressure,DC,10V,Off,10.0,-0.0,bar", "Data"),
+        *("Number,Date&Time,ms,CH1,CH2,CH3,Alarm1-10", "NO.,Time,ms,V,bar,bar,A1234567890"),
+    )
+    signed = ([f"{'-' if one < 0 else '+'}{abs(one):9.5f}" for one in own] for _, *own in rows)
+    stamped = ((n, f"2026/03/11 09:15:{int(row[0]):02}", round(1e3 * row[0]) % 1000) for n, row in enumerate(rows, 1))
+    return lines(*head, rows=[",".join(map(str, (*a, *b, "LLLL"))) for a, b in zip(stamped, signed, strict=True)])
+
+
+def winlog(rows: Rows) -> str:
+    """An archive of Winlog Pro: a line of tags, and below it one of what they are."""
+    tags = "Timestamp; AO_01.FLD_VALUE; AI_01.FLD_VALUE; AI_02.FLD_VALUE;"
+    head = (tags, "; Comando valvola [V]; Pressione alimentazione [bar]; Pressione camera [bar];")
+    return lines(*head, rows=[f"08/06/2026 12:13:{t:06.3f}; {u:.2f}; {s:.5f}; {p:.5f};" for t, u, s, p in rows])
+
+
+def dasylab(rows: Rows) -> str:
+    """Without a clock: the time between samples stands above."""
+    head = ("DASYLab - V 13.00.00", "Delta : 0.01 sec.", "Ventil [V];Versorgungsdruck [bar];Kesseldruck [bar]")
+    return lines(*head, rows=[f"{u:.2f};{s:.5f};{p:.5f}".replace(".", ",") for _, u, s, p in rows])
+
+
 RECORDERS: dict[Callable[[Rows], str], float] = {  # with the period that is read, 0 where people have to state it
     **dict.fromkeys((hioki_memory_hicorder, hioki_hilogger, hioki_8807, yokogawa_dlm, picoscope), 0.01),
     **dict.fromkeys((twin_builder, rohde_schwarz, druck, labview, step_7, mitsubishi), 0.01),
     **dict.fromkeys((hioki_8402, yokogawa_gx, dewesoft, campbell, hobo, benchlink, wincc), 0.01),
     **dict.fromkeys((codesys_trace, serial_plotter, pi_datalink, rockwell_trend, ros2_echo, swiss_export), 0.01),
     **dict.fromkeys((teac, yokogawa_wvf, monitor_with_names, log_in_brackets, week_dates, tick_count, frames), 0.01),
+    **dict.fromkeys((graphtec, winlog, dasylab), 0.01),
     **dict.fromkeys((blanks_between_thousands, automation_studio, psi_without_unit, lists_of_lists), 0.01),
     **{sapphire: 1.0, panasonic: 0.01, motion_scope: 0.0, indramotion: 0.0},
 }

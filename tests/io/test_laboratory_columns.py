@@ -37,7 +37,7 @@ def test_units_below_the_header_count_where_none_is_stated(tmp_path: Path) -> No
     assert told == {("", "units-line"), ("time", "unit-said"), ("p1", "unit-said"), ("x", "unit")}
 
 
-@pytest.mark.parametrize("name", ["t [ms]", "t (ms)", "t<ms>"])
+@pytest.mark.parametrize("name", ["t [ms]", "t (ms)", "t<ms>", "t (in ms)"])
 def test_a_unit_in_a_columns_name_counts_too(tmp_path: Path, name: str) -> None:
     batch, _ = signals(tmp_path, f"{name},x\n0,1\n5,1\n", time=Channel(1, si="s"))
     np.testing.assert_allclose(batch["time"], [0, 5e-3])

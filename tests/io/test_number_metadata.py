@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from scipy.io import savemat
 
 from pneucli.errors import InputError
 from pneucli.io.clock import difference_of_starts
@@ -50,16 +51,17 @@ def test_numbers_in_other_files_are_refused(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "key", "value"), [("run", "sampling_rate", 100), ("run/p", "dt", 0.01), ("/", "fs", 100)]
+    ("at", "key", "value"),
+    [("run", "sampling_rate", 100), ("run/p", "dt", 0.01), ("/", "fs", 100), ("/", "Period (ns)", 1e7)],
 )
 def test_a_rate_that_an_attribute_says_is_the_clock(tmp_path: Path, at: str, key: str, value: float) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["run/p"], file["run/u"] = 3 + np.sin(np.arange(200) / 20), np.arange(200) // 50 % 2
-        file[at].attrs[key] = 0.01 if key == "dt" else 100
+        file[at].attrs[key] = value
     init.create(tmp_path / "rig", [tmp_path / "a.h5"])
     text = (tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8")
-    expression = "row * 0.01" if key == "dt" else "row / 100"
-    assert re.search(f'time = {{ expression = "{re.escape(expression)}" }} .*{key}', text)
+    expression = "row / 100" if value == 100 else "row * 0.01"
+    assert re.search(f'time = {{ expression = "{re.escape(expression)}" }} .*{re.escape(key)}', text)
 
 
 @pytest.mark.parametrize("kind", ["chunks", "matrix in chunks", "contiguous"])
@@ -139,6 +141,7 @@ def test_packed_numbers_are_unpacked_and_what_is_missing_or_not_valid_is_nan(tmp
         ({"gain": 0.01, "offset": -0.5}, "i2", [0.5, 6.5]),
         ({"Slope": 0.01}, "u2", [1.0, 7.0]),
         ({"scale_factor": 2.0, "add_offset": 3.0}, "i2", [203.0, 1403.0]),
+        ({"conversion": 20.0, "offset": 300.0}, "i2", [2300.0, 14300.0]),  # of Neurodata Without Borders
         ({"gain": 10.0}, "i2", None),  # of an amplifier?
         ({"gain": 0.01, "offset": 2048}, "i2", None),  # in counts?
         ({"gain": 0.01, "offset": -0.5}, "f8", [100.0, 700.0]),
@@ -190,9 +193,35 @@ def test_attributes_name_the_columns_of_a_matrix(tmp_path: Path) -> None:
         file["data"] = np.arange(8.0).reshape(4, 2)
         file["data"].attrs.update({"names": ["u", "p1"], "units": ["V", "bar"]})
         file["plain"] = np.arange(8.0).reshape(4, 2)
+        file["own/m"], file["own/names"], file["own/eu"] = np.arange(8.0).reshape(4, 2), ["x", "p2"], ["mm", "kPa"]
     reader = opened(tmp_path / "a.h5")
-    assert list(reader.names) == ["data/u", "data/p1", "plain/1", "plain/2"]
+    assert list(reader.names) == ["data/u", "data/p1", "own/m/x", "own/m/p2", "plain/1", "plain/2"]
+    assert reader.units == {0: "V", 1: "bar", 2: "mm", 3: "kPa"}
+
+
+@pytest.mark.parametrize("kind", ["char", "cell"])
+def test_texts_beside_a_matrix_of_matlab_name_its_columns(tmp_path: Path, kind: str) -> None:
+    """AcqKnowledge writes ``data``, ``labels`` and ``units``; others cell arrays."""
+    texts = {"labels": np.array(["valve", "p1"], object), "units": np.array(["V", "bar"], object)}
+    texts = texts if kind == "cell" else {key: own.astype(str) for key, own in texts.items()}
+    savemat(tmp_path / "a.mat", {"data": np.arange(8.0).reshape(4, 2), **texts})
+    reader = opened(tmp_path / "a.mat")
+    assert list(reader.names) == ["data/valve", "data/p1"]
     assert reader.units == {0: "V", 1: "bar"}
+    np.testing.assert_array_equal(column(reader, "data/p1"), [1, 3, 5, 7])
+
+
+def test_structs_in_a_cell_array_are_channels(tmp_path: Path) -> None:
+    """What ``logsout`` becomes where each element is saved as a struct."""
+    cells = np.empty(2, object)
+    cells[:] = [
+        {"Name": name, "Values": {"Time": np.arange(3.0), "Data": np.full(3, value), "Units": "bar"}}
+        for name, value in (("p1", 1.0), ("p2", 2.0))
+    ]
+    savemat(tmp_path / "a.mat", {"logsout": {"Name": "logsout", "Elements": cells}})
+    reader = opened(tmp_path / "a.mat")
+    assert [name for name in reader.names if "time" not in name] == ["logsout/Elements/p1", "logsout/Elements/p2"]
+    np.testing.assert_array_equal(column(reader, "logsout/Elements/p2"), [2, 2, 2])
 
 
 def test_columns_of_a_matrix_of_records_keep_the_name_of_their_field(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from pneucli.io.column_reader import (
     packing,
     split_columns,
     tells_rate,
+    titles_and_units,
 )
 from pneucli.io.formats.base import Format
 from pneucli.io.formats.matlab import LABELS, NUMBERS, only_objects
@@ -126,7 +127,12 @@ def struct_array_columns(file: Any, group: Any, path: str) -> dict[str, Place]:
 def _referenced_text(file: Any, group: Any, labels: str | None, number: int) -> str:
     if labels is None:
         return ""
-    letters = np.ravel(file[np.ravel(group[labels][()])[number]][()])
+    return _letters(file, np.ravel(group[labels][()])[number])
+
+
+def _letters(file: Any, reference: Any) -> str:
+    """Return the text that a cell of MATLAB refers to; empty where it is none."""
+    letters = np.ravel(file[reference][()])
     return "".join(map(chr, letters.tolist())).strip() if letters.dtype.kind in "iu" and letters.all() else ""
 
 
@@ -186,7 +192,7 @@ def open_hdf5(path: Path) -> ColumnReader:
             elif isinstance(node, h5py.Dataset):
                 found = dict(_dataset_columns(name, node))
                 owner |= found
-                units |= zip(found, _units(node, len(found)), strict=True)
+                units |= zip(found, _titles_and_units(node, len(found))[1], strict=True)
                 sizes |= dict.fromkeys(found, max(node.shape, default=1))
             else:
                 found = frame_columns(node, name) or struct_array_columns(file, node, name)
@@ -234,7 +240,7 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
         if kind.kind in "fiub":
             own = f"{name}/{field}" if field else name
             columns = column_names(own, dataset.shape)
-            columns = [f"{own}/{text}" for text in _column_titles(dataset, len(columns))] or columns
+            columns = [f"{own}/{text}" for text in _titles_and_units(dataset, len(columns))[0]] or columns
             for number, column in enumerate(columns):
                 yield column, Place(name, field, number if len(columns) > 1 else None)
 
@@ -276,16 +282,21 @@ def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
         yield slice(None)
 
 
-def _column_titles(dataset: Any, count: int) -> list[str]:
-    """Return what an attribute of a matrix calls its columns, each another name; empty where none does."""
-    texts = [_texts(own) for key, own in dataset.attrs.items() if not key.lower().startswith("unit")]
-    return next((own for own in texts if len(own) == len({*own}) == count > 1 and all(own)), [])
+def _titles_and_units(dataset: Any, count: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Return what attributes, or texts beside a matrix, call its columns, and the unit of each."""
+    said = {key.lower(): _texts(own) for key, own in dataset.attrs.items()}
+    units = next((own for key, own in said.items() if key in ("unit", "units") and len(own) == count > 1), [])
+    named = [own for key, own in said.items() if not key.startswith("unit")]
+    titles, beside = titles_and_units([*named, *_texts_beside(dataset, count)], count)
+    return titles, units or beside or [_unit(dataset)] * count
 
 
-def _units(dataset: Any, count: int) -> list[str]:
-    """Return the unit of each column of a dataset: those of an attribute that has as many, or the one of all."""
-    texts = [_texts(own) for key, own in dataset.attrs.items() if key.lower() in ("unit", "units")]
-    return next((own for own in texts if len(own) == count > 1), [_unit(dataset)] * count)
+def _texts_beside(matrix: Any, count: int) -> Iterator[list[str]]:
+    """Yield the texts of each array beside a matrix that has one a column: strings, or a cell array of MATLAB."""
+    for one in matrix.parent.values() if count > 1 else ():
+        if _kind(one) in ("O", "S") and one.size == count:
+            cells = np.ravel(one[()])
+            yield [as_text(cell) if isinstance(cell, str | bytes) else _letters(matrix.file, cell) for cell in cells]
 
 
 def _texts(attribute: Any) -> list[str]:
@@ -343,8 +354,8 @@ HDF5 = Format(
     pattern=rb"(?s)(?:.{512})?\x89HDF\r\n\x1a\n",  # MATLAB writes a block before it
     column="a path, `group/name`",
     extra="hdf5",
-    used="unit, `scale_factor`, `add_offset`, a clear `gain` and `offset`; `_FillValue`, `missing_value`, values "
-    "beyond `valid_range` and parts that nobody wrote are missing; `milliseconds since ...` is a unit and a start; the "
-    "unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
+    used="unit, `scale_factor`, `add_offset`, `conversion`, a clear `gain` and `offset`; `_FillValue`, "
+    "`missing_value`, values beyond `valid_range` and parts that nobody wrote are missing; `milliseconds since ...` is "
+    "a unit and a start; the unit of stamps and durations of pandas; empty arrays of MATLAB are no columns",
     unused="fill values that no attribute states; the unit of dates that `savemat` turned into numbers: state it",
 )

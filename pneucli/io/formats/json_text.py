@@ -17,6 +17,7 @@ from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
 
 _SAMPLES, _STAMPS = ("values", "data", "samples", "y"), ("x", "time", "t", "timestamps")  # keys of a channel
+_ROWS, _SERIES = ("data", "values", "rows", "items"), ("target", "name", "externalId")  # keys of a table of a series
 _FIELD = re.compile(r"[a-z]+_?\d+")  # names that number fields
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
@@ -92,8 +93,12 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
         for one in node:
             yield from _tables(one) if isinstance(one, Mapping) else ()
     elif isinstance(node, Mapping):
-        names, rows = node.get("columns", node.get("header")), node.get("data", node.get("values", node.get("rows")))
-        name, unit = str(node.get("target", node.get("name")) or ""), node.get("unit", node.get("units"))
+        names = node.get("columns", node.get("header"))
+        rows = next((node[key] for key in _ROWS if key in node), None)
+        name = next((str(node[key] or "") for key in _SERIES if key in node), "")
+        unit = node.get("unit", node.get("units"))
+        if name and isinstance(rows, list) and rows and all(isinstance(row, Mapping) for row in rows):
+            names, rows = [*rows[0]], [[row.get(key) for key in rows[0]] for row in rows]
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
         elif isinstance(fields := dict(_leaves(node, "")).get("schema/fields"), list) and isinstance(rows, Mapping):

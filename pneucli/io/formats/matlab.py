@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns, titles_and_units
 from pneucli.io.formats.base import Format
 from pneucli.io.packed import MIN_EXPANSION_LIMIT, check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
@@ -141,7 +141,7 @@ def open_mat(path: Path) -> ColumnReader:
     for name, shape, kind in variables:
         if kind in _NUMBERS:
             owner |= dict.fromkeys(column_names(name, shape), name)
-        elif kind == "struct":
+        elif kind in ("struct", "cell"):
             found = _load(path, [name])
             owner |= dict.fromkeys(found.columns, name)
             sizes |= {column: values.size for column, values in found.columns.items()}
@@ -149,13 +149,20 @@ def open_mat(path: Path) -> ColumnReader:
     objects = [name for name, _, kind in variables if kind in _OBJECTS and name]
     if objects and not owner:
         raise only_objects(path, objects)
+    texts, titles, own = [*_texts(path, variables)], dict[str, str](), dict[str, str]()
+    for name, columns in [(name, column_names(name, shape)) for name, shape, kind in variables if kind in _NUMBERS]:
+        called, said = titles_and_units(texts, len(columns))
+        titles |= {column: f"{name}/{text}" for column, text in zip(columns, called, strict=False)}
+        own |= dict(zip(columns, said, strict=False))
+    keys = {titles.get(name, name): name for name in owner}
+    units |= {titles.get(name, name): unit for name, unit in own.items()}
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
-        columns = _load(path, list(dict.fromkeys(owner[name] for name in wanted))).columns
-        return [columns[name].ravel() for name in wanted]
+        columns = _load(path, list(dict.fromkeys(owner[keys[name]] for name in wanted))).columns
+        return [columns[keys[name]].ravel() for name in wanted]
 
     clocks = clocks or clocks_by_group(list(owner), sizes)
-    reader = ColumnReader(path, MATLAB.name, list(owner), fetch, units, own_clocks=clocks)
+    reader = ColumnReader(path, MATLAB.name, list(keys), fetch, units, own_clocks=clocks)
     if objects:
         message = f"{_listed_objects(objects)}, left out; {SAVE_AS_STRUCT}"
         reader.repairs.append(Repair("", "matlab-object", len(objects), message))
@@ -187,7 +194,23 @@ def _listed_objects(objects: Sequence[str]) -> str:
     return ", ".join(f'"{name}"' for name in objects[:5]) + ": objects of MATLAB (timeseries, timetable, Dataset)"
 
 
+def _texts(path: Path, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> Iterator[list[str]]:
+    """Yield the texts of each variable that is an array of them."""
+    listed = [name for name, shape, kind in variables if kind in ("char", "cell") and max(shape, default=0) > 1]
+    for array in map(np.ravel, _tree(path, listed).values() if listed else ()):
+        texts = [str(np.ravel(one)[0]) if np.size(one) == 1 else "" for one in array]
+        yield [text.strip() for text in texts]
+
+
 def _load(path: Path, variables: list[str]) -> StructColumns:
+    tree, found = _tree(path, variables), StructColumns()
+    for name in variables:
+        found.add(tree[name], name)
+    found.link_numbered_clocks()
+    return found
+
+
+def _tree(path: Path, variables: list[str]) -> dict[str, Any]:
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - slow to import, and few recordings are MATLAB's
 
     try:
@@ -196,12 +219,8 @@ def _load(path: Path, variables: list[str]) -> StructColumns:
         wanted = ALL
     check_expanded_size(path, expanded_size(path, wanted), of=f'the variables "{", ".join(variables)[:60]}"')
     check_types(path, wanted)
-    tree = loadmat(path, variable_names=variables, squeeze_me=True, struct_as_record=True)
-    found = StructColumns()
-    for name in variables:
-        found.add(tree[name], name)
-    found.link_numbered_clocks()
-    return found
+    tree: dict[str, Any] = loadmat(path, variable_names=variables, squeeze_me=True, struct_as_record=True)
+    return {name: tree[name] for name in variables}
 
 
 MATLAB = Format(
@@ -210,7 +229,7 @@ MATLAB = Format(
     open_mat,
     magic=(b"MATLAB 5.0",),
     column="a vector; a field, `struct/field`; column 2 of a matrix, `m/2`",
-    used="name, unit and clock of a struct that holds a signal (Simulink, dSPACE)",
+    used="name, unit and clock of a struct that holds a signal (Simulink, dSPACE); names beside a matrix",
     unused="objects (`timeseries`, `timetable`) are refused: save them as structs",
 )
 
@@ -319,8 +338,9 @@ class StructColumns:
             self._add_struct(node, name)
             return
         array = np.atleast_1d(node)
-        if array.dtype.names:
-            self._add_elements([_fields(one) for one in array.ravel()], name)
+        cells = [np.atleast_1d(one) for one in array.ravel()] if array.dtype.kind == "O" else [array]
+        if all(one.dtype.names for one in cells):
+            self._add_elements([_fields(one) for cell in cells for one in cell.ravel()], name)
         elif array.dtype.kind in "fiub":
             self._add_array(array, name)
 
@@ -351,7 +371,7 @@ class StructColumns:
         own = name if labelled else f"{name}/{label}"
         own = f"{own}/{sum(one.startswith(own) for one in self.columns) + 1}" if own in self.columns else own
         added = self._add_array(np.asarray(flat[numbers[0]]), own)
-        unit = next((_text(holder, _UNITS) for holder in (fields, *_inner(fields)) if _text(holder, _UNITS)), "")
+        unit = next((_text({"unit": leaf}, _UNITS) for key, leaf in flat.items() if _last(key) in _UNITS), "")
         self.units |= dict.fromkeys(added, unit) if unit else {}
         stamps = [key for key, leaf in flat.items() if _last(key) in _STAMPS and _is_numeric(leaf)]
         if stamps and np.size(flat[stamps[0]]) > 1:
@@ -370,13 +390,6 @@ class StructColumns:
 
 def _fields(element: Any) -> dict[str, Any]:
     return {key: element[key] for key in element.dtype.names}
-
-
-def _inner(fields: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    for value in fields.values():
-        array = np.atleast_1d(value)
-        if array.dtype.names and array.size == 1:
-            yield _fields(array.ravel()[0])
 
 
 def _leaves(fields: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
