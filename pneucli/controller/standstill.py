@@ -14,7 +14,7 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
       entry: the load is limited to what friction can hold, half of the net force is released (rigid piston only),
       release force 0, the time at rest begins anew
       -> TRACKING, RAMP or ELASTIC   |v| >= C_V_FLOOR, the reference moves, or |error| > 1.8 x band (hysteresis)
-      after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4
+      after 10 C_MOTION_WINDOW at rest [S_REST_TIME]: ramp gain back to 4, a dead band no wider than the error asks
     rigid piston [S_ELASTIC = 0]: breakaway_ramp
       RAMP     the release force [S_RELEASE_FORCE] rises: fast up to 92 % of the last break-away force, then slowly;
                it stops where the pressures are saturated
@@ -29,6 +29,8 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
         -> RAMP      at its end adapt_after_overshoot: a jump past the reference that half the ramp rate did not
                      shorten by 30 % widens the dead band by up to a half, toward half that jump, or to it where the
                      error was turned round rather than reduced
+                     in a loop found later than designed [S_DELAY_FOUND, S_MEMBER]: one that lands far off sets the
+                     ramp gain to 0.5, and after more the dead band is half of the shorter of two
     elastic piston [S_ELASTIC = 1]: drive_elastic_piston and braking_force
       entered  at rest, excursion > 2 C_MOTION_STEP under a peak force < 0.5 Coulomb friction; out of HOLD
                while the air's force rises along it by 1.5 Coulomb friction in C_PRESLIDING_DISTANCE (detect_motion)
@@ -196,20 +198,33 @@ def widen_by_half(s, c):
 
 
 def adapt_after_overshoot(error, s, c):
-    """Widen the dead band toward half of a jump past the reference that half the ramp rate did not shorten."""
+    """Widen the dead band toward half of a jump past the reference that half the ramp rate did not shorten.
+
+    In a loop that a commissioning found later than designed no ramp shortens it, since a freed piston goes on until
+    the valve answers: the ramp slows down at once, and after two long jumps half of the shorter one is near enough.
+    """
     if s[S_BRAKING_TIME] <= 0.0 or s[S_BRAKING_TIME] > c[C_PERIOD]:
         return
     jump = math.fabs(s[S_X] - s[S_BREAKAWAY_POSITION])
-    if s[S_RAMP_GAIN] < 0.5 and jump > math.fabs(error) and jump > 0.7 * s[S_LAST_JUMP]:
+    last = s[S_LAST_JUMP]
+    if jump <= math.fabs(error):
+        return
+    s[S_LAST_JUMP] = jump
+    far = 4.0 * c[C_DEADBAND_GAIN_MAX] * c[C_HOLDING_BAND]
+    if s[S_DELAY_FOUND] > 0.0 and s[S_MEMBER] > 1.5:
+        if s[S_RAMP_GAIN] < 0.5 and min(jump, last) > 2.0 * far:
+            widen_dead_band(min(jump, last), s, c)
+        if math.fabs(error) > max(far, 0.5 * (jump - math.fabs(error))):
+            s[S_RAMP_GAIN] = min(s[S_RAMP_GAIN], 0.5)
+    if s[S_RAMP_GAIN] < 0.5 and jump > 0.7 * last:
         # as far past the reference as it was before it, once more: this goes on for ever; a longer one is of a load
-        if math.fabs(error) > 0.4 * jump and jump < 2.0 * s[S_LAST_JUMP]:
+        if math.fabs(error) > 0.4 * jump and jump < 2.0 * last:
             widen_dead_band(jump, s, c)
         s[S_DEADBAND_GAIN] = clamp(
             0.5 * jump / c[C_HOLDING_BAND],
             s[S_DEADBAND_GAIN],
             max(s[S_DEADBAND_GAIN], min(1.5 * s[S_DEADBAND_GAIN], c[C_DEADBAND_GAIN_MAX])),
         )
-    s[S_LAST_JUMP] = jump
 
 
 def is_force_saturated(error, s, c):
@@ -306,6 +321,8 @@ def update_hold(x_ref, s, c):
         s[S_HOLD] = 0.0
     elif is_held_for_good(s, c):  # the next motion has a new cause
         s[S_RAMP_GAIN] = 4.0
+        s[S_DEADBAND_GAIN] = clamp(error / c[C_HOLDING_BAND], 1.0, s[S_DEADBAND_GAIN])
+        s[S_LAST_JUMP] = 0.0
     return s[S_HOLD] > 0.5
 
 

@@ -57,7 +57,7 @@ from pneucli.io.column_reader import stated_period
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.io.timestamp_order import TimestampCheck
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
-from pneucli.units import ANR, is_count, parse_unit, same_dimension
+from pneucli.units import ANR, ReferenceState, is_count, parse_unit, same_dimension
 
 MIN_SWITCHED_SAMPLES, MAX_SWITCHED_LEVELS = 100, 3  # samples of one that was surely read, values of one that was not
 _DEGREES = {"C": "degC", "F": "degF"}  # letters that mean something else where no temperature is measured
@@ -202,6 +202,7 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     known = np.concatenate([one.columns[n].finite_values for one in alike])
     known = known[~np.isin(known, missing)]
     found = _in_unit_of_files(alike, replace(_unit_guess(column, signal, name, known), missing=missing), known)
+    found = _in_told_state(found, alike[0].state)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
     if doubt and not found.unit_stated and signal not in COMMANDS:  # a command counts in whatever the bench takes
         written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
@@ -271,6 +272,18 @@ def _reference_state(unit: str) -> str:
     if state is None:
         return ""
     return f"CHECK taken at {state.words}; others mean {state.others}" if state.others else f"taken at {state.words}"
+
+
+def _in_told_state(guess: Guess, state: ReferenceState | None) -> Guess:
+    """Return a flow of a volume of air by the state that the file tells; others as they are."""
+    if guess.signal != "flow" or state is None or not guess.unit_stated:
+        return guess
+    own = ANR if same_dimension(guess.unit, "m^3/s") else parse_unit(guess.unit).state
+    if own is None:
+        return guess
+    return replace(
+        guess, scale=guess.scale * state.density / own.density, note=f"scaled to {state.words}, as the file says"
+    )
 
 
 def _counts_in_name(name: str) -> str:

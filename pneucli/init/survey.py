@@ -20,6 +20,7 @@ from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_cl
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.role_evidence import pressure_behind_valve
 from pneucli.init.survey_types import Column, Survey
+from pneucli.init.units import told_state
 from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
 from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
@@ -27,7 +28,8 @@ from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
 from pneucli.io.signal_repairs import bad_rows, good_words
-from pneucli.io.text_sniffer import SniffedLayout, apply_sniffed, sniff, stated_numbers
+from pneucli.io.text_layout import head_of
+from pneucli.io.text_sniffer import MAX_PREAMBLE_LINES, SniffedLayout, apply_sniffed, sniff, stated_numbers
 from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls
 from pneucli.paths import file_on_disk
 from pneucli.units import is_unit, parse_unit, same_dimension
@@ -275,7 +277,10 @@ def _survey_text(raw: RawFile) -> Survey:
     columns, unused, runs = _shaped(reader, columns, labels)
     anew = bool(reader.header_lines) and _starts_anew(columns, reader.header_lines)
     parts = reader.header_lines + 1 if anew and not runs else 0
-    return Survey(bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts, runs)
+    state = told_state(head_of(raw).lines[:MAX_PREAMBLE_LINES])
+    return Survey(
+        bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts, runs, state=state
+    )
 
 
 def _shaped(

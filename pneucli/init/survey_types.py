@@ -11,6 +11,7 @@ import numpy as np
 
 from pneucli.arrays import Array
 from pneucli.io.raw_file import ColumnKey, RawFile
+from pneucli.units import ReferenceState
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class Survey:
 
     ``unused`` says of each further column why it is left out; ``parts`` is in how many tables the header stands again
     and the clock starts anew, 0 where it is one table; ``runs`` has the columns of each run that one table holds, and
-    ``run`` is the one that the columns are of.
+    ``run`` is the one that the columns are of. ``state``: of volumes of air, as a line above the table tells it.
     """
 
     raw: RawFile
@@ -59,6 +60,7 @@ class Survey:
     parts: int = 0
     runs: Sequence[tuple[str, Sequence[Column]]] = ()
     run: str = ""
+    state: ReferenceState | None = None
 
     @property
     def path(self) -> Path:

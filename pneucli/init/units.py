@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +15,19 @@ from pneucli.io.signal_repairs import MIN_JUMP_STEPS, MIN_SINGLE_RUN, USUAL_STEP
 from pneucli.messages.formatting import format_plain, format_signal
 from pneucli.plausibility.detectors.readings import MAX_COMMAND, MAX_FLOW, MAX_PRESSURE, MAX_STROKE, MIN_SUPPLY
 from pneucli.quantities import SIGNALS
-from pneucli.units import factor_and_offset, parse_unit, same_dimension
+from pneucli.units import ReferenceState, factor_and_offset, parse_quantity, parse_unit, same_dimension
 
 AMBIENT_RANGE = (0.94e5, 1.06e5)  # Pa, of laboratories up to some 600 m
 MIN_ABSOLUTE_PRESSURE = 0.5e5  # Pa, absolute, that no chamber of a rig has
 MIN_PRESSURE_CHANGE = 0.3e5  # Pa, by which a pressure moves that has come from ambient
 REST_SHARE = 0.02  # share of the samples that a rest has at least
 DIP_SHARE = 0.005  # share of the samples that a chamber is lowest for a moment at most, as its piston starts fast
+R_DRY_AIR = 287.05  # J/(kg K)
+REFERENCE_TEMPERATURES = (273.0, 299.0)  # K: those of the standards, 0 to 25 degC
+_STATES = re.compile(r"(?i)\b(?:[sn]tp|norm|standard|referen|bezug)")
+_DEGREES = re.compile(r"(?i)(-?\d+(?:[.,]\d+)?)\W{0,3}(?:deg)?[ .]?([CFK])\b")
+_PRESSURE_UNITS = ("mbar", "bar", "hPa", "kPa", "Pa", "psi", "atm", "Torr", "mmHg")
+_PRESSURE = re.compile(rf"(?i)(\d+(?:[.,]\d+)?)\s*({'|'.join(_PRESSURE_UNITS)})a?\b")
 LOWEST_GAUGE = -1.013e5  # Pa: below it no gas is left
 
 
@@ -40,6 +47,21 @@ def guess_unit(signal: str, values: Array, *, angle: bool, written: str = "") ->
     unit, low, high = _most_likely_unit(signal, values, angle), float(values.min()), float(values.max())
     why = f"CHECK {stated}: {format_plain(low, 4)} to {format_plain(high, 4)} is taken for {unit}"
     return UnitGuess(unit, why, bool(written) or unit == "kPa")
+
+
+def told_state(lines: Iterable[str]) -> ReferenceState | None:
+    """Return the state of volumes of air that a line tells, such as "STP 25 C, 14.696 PSIA"; None where none does."""
+    for line in filter(_STATES.search, lines):
+        degrees, pressure = _DEGREES.search(line), _PRESSURE.search(line)
+        if degrees is None or pressure is None:
+            continue
+        unit = next(unit for unit in _PRESSURE_UNITS if unit.lower() == pressure[2].lower())
+        warmth = f"{degrees[1].replace(',', '.')} {'' if degrees[2] in 'kK' else '°'}{degrees[2].upper()}"
+        level = f"{pressure[1].replace(',', '.')} {unit}"
+        temperature, pascals = parse_quantity(warmth, "K"), parse_quantity(level, "Pa")
+        if REFERENCE_TEMPERATURES[0] <= temperature <= REFERENCE_TEMPERATURES[1] and abs(pascals - 1e5) < 5e3:
+            return ReferenceState(pascals / (R_DRY_AIR * temperature), f"{warmth} and {level}")
+    return None
 
 
 def _unit_at_ambient(values: Array) -> tuple[str, str] | None:

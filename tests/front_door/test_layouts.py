@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -327,6 +328,38 @@ def test_the_reference_state_of_a_flow_is_said(tmp_path: Path, unit: str, said: 
     )
     answer = init.create(tmp_path / "rig", [path])
     assert said in next(one.why for one in answer.columns if one.signal == "flow")
+
+
+@pytest.mark.parametrize(
+    ("line", "unit", "scale", "said"),
+    [
+        (
+            "# STP 25 C 14.696 PSIA",
+            "SLPM",
+            0.9157,
+            "scaled to 25 °C and 14.696 psi, as the file says",
+        ),  # 273.15 / 298.15
+        (
+            "Normbedingungen: 20 °C; 1000 mbar",
+            "m^3/h",
+            1.0029,
+            "scaled to 20 °C and 1000 mbar, as the file says",
+        ),  # dry, not ANR
+        ("Reference: 273,15 K, 1,01325 bar", "l/min", 1.0906, "scaled to 273.15 K and 1.01325 bar, as the file says"),
+        ("Standard test, supply 6 bar, 20 C", "l/min", 1.0, "CHECK no reference state is stated"),
+        ("STP 25 C 14.696 PSIA", "kg/h", 1.0, ""),
+    ],
+)
+def test_a_reference_state_above_the_table_counts(
+    tmp_path: Path, line: str, unit: str, scale: float, said: str
+) -> None:
+    rows = "".join(f"7.0,{1 + n / 10:.1f},{100 + n}\n" for n in range(40))
+    path = written(tmp_path, f"{line}\np_upstream [bar(a)],p_downstream [bar(a)],flow [{unit}]\n{rows}")
+    answer = init.create(tmp_path / "rig", [path])
+    flow = tomllib.loads((tmp_path / "rig" / "pipeline.toml").read_text(encoding="utf-8"))["signals"]["flow"]
+    assert flow.get("scale", 1.0) == pytest.approx(scale, abs=1e-4)
+    why = next(one.why for one in answer.columns if one.signal == "flow")
+    assert said in why if said else not why
 
 
 # ---- what no experiment can use
