@@ -220,6 +220,18 @@ def columns(path: Path) -> dict[str, Array]:
     return {name: next(iter(reader.batches([ColumnRequest(n)])))[0] for n, name in enumerate(reader.names)}
 
 
+def test_tektronix_writes_its_keys_beside_the_curve(tmp_path: Path) -> None:
+    keys = [("Record Length", len(T)), ("Sample Interval", 1e-3), ("Trigger Point", 0), ("Source", "CH2")]
+    keys += [("Vertical Units", "bar"), ("Horizontal Units", "S")]
+    beside = [*(f"{name},{value}," for name, value in keys), *[",,"] * (len(T) - len(keys))]
+    rows = [f"{key}, {t:.4f}, {p:.6f}," for key, t, p in zip(beside, T, P, strict=True)]
+    (tmp_path / "F0001CH2.CSV").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    assert open_raw(RawFile(tmp_path / "F0001CH2.CSV", {})).units == {0: "s", 1: "bar"}
+    found = columns(tmp_path / "F0001CH2.CSV")
+    np.testing.assert_allclose(found["time"], T, atol=1e-9)
+    np.testing.assert_allclose(found["CH2"], P, atol=1e-6)
+
+
 def test_dymola_names_its_trajectories(tmp_path: Path) -> None:
     from scipy.io import savemat
 
