@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pneucli.noise.model import NoiseModel
 
 from pneucli.diagnose.constraints import refuted_by_reading, rests_at_ambient
+from pneucli.noise.estimate import NoiseModel
 from pneucli.physics.effects import catalogue
 from pneucli.simulate.experiment import Experiment
 from tests.simulate.synthetic_experiments import RIG, make_experiment, model
