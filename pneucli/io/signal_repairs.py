@@ -394,7 +394,7 @@ def good_words(texts: Iterable[object], called: str) -> list[str]:
     words = [str(text).strip() for text in dict.fromkeys(texts)]
     numbers = [float(word) if word.replace(".", "", 1).isdigit() else None for word in words]
     if called in ("quality", "status"):
-        good = [n is not None and n >= _OPC_GOOD for n in numbers]
+        good = [n is not None and _OPC_GOOD <= n < 256 for n in numbers]  # a byte: a drive's status word is none
         bad = [n is not None and n < _OPC_GOOD for n in numbers]
     else:
         good, bad = [n == 1.0 for n in numbers], [n == 0.0 for n in numbers]

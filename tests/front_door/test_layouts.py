@@ -419,6 +419,7 @@ def test_a_switched_command_in_words_is_read(tmp_path: Path, states: str) -> Non
         ("p1.quality", "192", "64", True),
         ("P1 is OK", "true", "false", True),
         ("p1 status", "1", "0", False),  # which of them is good, nothing says
+        ("p1 status", "1591", "51", False),  # the status word of a drive
         ("p1 status", "RUN", "STOP", False),
         ("pump status", "GOOD", "BAD", False),
         ("p1_valid", "1", "1", False),
