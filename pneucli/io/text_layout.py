@@ -346,6 +346,8 @@ def _with_names(raw: RawFile, plain: TextLayout, sample: list[list[str]], rows: 
     columns["switches"] = _columns_of(body, lambda field: field.lower() in SWITCHES, len(names))
     columns["hexadecimal"] |= columns["switches"]
     texts = _columns_of(body, lambda field: not is_value(field), len(names))
+    blank = {n for n in range(len(names)) if not any(n < len(row) and row[n] for row in body)}
+    texts |= {n for n in blank if raw.header and not names[n]}  # what a later row has there is no reading
     columns["labels"] = texts - cells.keys() - columns["hexadecimal"]
     return replace(plain, decimal=decimal, skip=skip, names=tuple(names), units=units_row, cells=cells, **columns)  # type: ignore[arg-type]
 

@@ -485,6 +485,13 @@ def test_what_counts_rows_and_a_clock_that_stands_again_are_no_signals(tmp_path:
     assert found == {"time": "X_Value", "u": "u [V]", "p1": "p1 [bar]"}
 
 
+def test_a_mark_behind_the_last_reading_is_no_reading(tmp_path: Path) -> None:
+    rows = [f"{n / 100:.2f};{n % 7};{3 + np.sin(n / 30):.4f};;" for n in range(400)]
+    path = written(tmp_path, "\n".join(["t [s];u [V];p1 [bar];;", *rows]) + "#0ED844528279D6A6#\n")
+    assert guessed(path) == {"time": "t [s]", "u": "u [V]", "p1": "p1 [bar]"}
+    assert read(path, 2)[0].size == 400
+
+
 def test_a_pressure_that_passes_ambient_pressure_for_a_moment_is_not_taken_for_absolute() -> None:
     dip = np.exp(-(((np.arange(2000) - 700) / 10) ** 2))  # a piston that starts fast, and no vented chamber
     pascals = 1.02e5 + 2e5 * (1.0 - dip) + 300 * RNG.random(2000)
