@@ -199,6 +199,18 @@ def test_attributes_name_the_columns_of_a_matrix(tmp_path: Path) -> None:
     assert reader.units == {0: "V", 1: "bar", 2: "mm", 3: "kPa"}
 
 
+@pytest.mark.parametrize("texts", [[], ["u", "p1"]])
+def test_a_link_to_nothing_beside_a_matrix_is_passed_over(tmp_path: Path, texts: list[str]) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["data"] = np.arange(8.0).reshape(4, 2)
+        file["gone"], file["elsewhere"] = h5py.SoftLink("/nowhere"), h5py.ExternalLink("none.h5", "/data")
+        if texts:
+            file["labels"] = texts
+    reader = opened(tmp_path / "a.h5")
+    assert list(reader.names) == ["data/u" if texts else "data/1", "data/p1" if texts else "data/2"]
+    np.testing.assert_array_equal(column(reader, reader.names[1]), [1, 3, 5, 7])
+
+
 @pytest.mark.parametrize("kind", ["char", "cell"])
 def test_texts_beside_a_matrix_of_matlab_name_its_columns(tmp_path: Path, kind: str) -> None:
     """AcqKnowledge writes ``data``, ``labels`` and ``units``; others cell arrays."""

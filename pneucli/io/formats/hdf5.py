@@ -109,7 +109,7 @@ def _pickled_texts(pickled: Any) -> list[str]:
 
 def struct_array_columns(file: Any, group: Any, path: str) -> dict[str, Place]:
     """Return the columns of an array of structs of MATLAB v7.3, whose fields are references: each by its label."""
-    by_word = {key.lower(): key for key in group if getattr(group[key], "dtype", None) is not None}
+    by_word = {key.lower(): key for key in group if getattr(group.get(key), "dtype", None) is not None}
     by_word = {word: key for word, key in by_word.items() if group[key].dtype.kind == "O"}
     numbers = next((by_word[word] for word in NUMBERS if word in by_word), None)
     if numbers is None:
@@ -184,15 +184,18 @@ def open_hdf5(path: Path) -> ColumnReader:
     objects: list[str] = []
     foreign: list[str] = []
     with h5py.File(path, "r") as file:
-        for name, node in _nodes(h5py, file):
+        nodes = [*_nodes(h5py, file)]
+        texts = [(name.rpartition("/")[0], node) for name, node in nodes if _kind(node) in ("O", "S")]
+        for name, node in nodes:
             if is_matlab_object(node):
                 objects.append(name)
             elif isinstance(node, h5py.Dataset) and not _kind(node):
                 foreign.append(name)
             elif isinstance(node, h5py.Dataset):
-                found = dict(_dataset_columns(name, node))
+                beside = [one for group, one in texts if group == name.rpartition("/")[0]]
+                found = dict(_dataset_columns(name, node, beside))
                 owner |= found
-                units |= zip(found, _titles_and_units(node, len(found))[1], strict=True)
+                units |= zip(found, _titles_and_units(node, len(found), beside)[1], strict=True)
                 sizes |= dict.fromkeys(found, max(node.shape, default=1))
             else:
                 found = frame_columns(node, name) or struct_array_columns(file, node, name)
@@ -232,7 +235,7 @@ def _kind(dataset: Any) -> str:
         return ""
 
 
-def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
+def _dataset_columns(name: str, dataset: Any, beside: Sequence[Any]) -> Iterator[tuple[str, Place]]:
     if is_no_number(dataset) or is_empty(dataset):
         return
     for field in dataset.dtype.names or [None]:
@@ -240,7 +243,7 @@ def _dataset_columns(name: str, dataset: Any) -> Iterator[tuple[str, Place]]:
         if kind.kind in "fiub":
             own = f"{name}/{field}" if field else name
             columns = column_names(own, dataset.shape)
-            columns = [f"{own}/{text}" for text in _titles_and_units(dataset, len(columns))[0]] or columns
+            columns = [f"{own}/{text}" for text in _titles_and_units(dataset, len(columns), beside)[0]] or columns
             for number, column in enumerate(columns):
                 yield column, Place(name, field, number if len(columns) > 1 else None)
 
@@ -282,21 +285,21 @@ def _absent_parts(dataset: Any) -> Iterator[tuple[slice, ...] | slice]:
         yield slice(None)
 
 
-def _titles_and_units(dataset: Any, count: int) -> tuple[Sequence[str], Sequence[str]]:
-    """Return what attributes, or texts beside a matrix, call its columns, and the unit of each."""
+def _titles_and_units(dataset: Any, count: int, texts: Sequence[Any]) -> tuple[Sequence[str], Sequence[str]]:
+    """Return what attributes, or datasets of texts beside a matrix, call its columns, and the unit of each."""
     said = {key.lower(): _texts(own) for key, own in dataset.attrs.items()}
     units = next((own for key, own in said.items() if key in ("unit", "units") and len(own) == count > 1), [])
     named = [own for key, own in said.items() if not key.startswith("unit")]
-    titles, beside = titles_and_units([*named, *_texts_beside(dataset, count)], count)
+    titles, beside = titles_and_units([*named, *_texts_of(texts, count)], count)
     return titles, units or beside or [_unit(dataset)] * count
 
 
-def _texts_beside(matrix: Any, count: int) -> Iterator[list[str]]:
-    """Yield the texts of each array beside a matrix that has one a column: strings, or a cell array of MATLAB."""
-    for one in matrix.parent.values() if count > 1 else ():
-        if _kind(one) in ("O", "S") and one.size == count:
+def _texts_of(texts: Sequence[Any], count: int) -> Iterator[list[str]]:
+    """Yield the texts of each dataset that has one a column of a matrix: strings, or a cell array of MATLAB."""
+    for one in texts if count > 1 else ():
+        if one.size == count:
             cells = np.ravel(one[()])
-            yield [as_text(cell) if isinstance(cell, str | bytes) else _letters(matrix.file, cell) for cell in cells]
+            yield [as_text(cell) if isinstance(cell, str | bytes) else _letters(one.file, cell) for cell in cells]
 
 
 def _texts(attribute: Any) -> list[str]:
