@@ -1,7 +1,7 @@
 """Design of the cascade: position loop, pressure loop, inverse valve map (thesis 7.1-7.3), by rules.
 
 The whole axis violates the matching condition (:mod:`pneucli.design.sliding`), so an inner, faster loop makes the
-pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`, :mod:`pneucli.design.bandwidths`.
+pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`.
 """
 
 from __future__ import annotations

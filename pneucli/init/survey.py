@@ -27,7 +27,7 @@ from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
-from pneucli.io.signal_repairs import bad_rows, good_words
+from pneucli.io.signal_repairs import JUDGES, bad_rows, good_words
 from pneucli.io.text_layout import head_of
 from pneucli.io.text_sniffer import MAX_PREAMBLE_LINES, SniffedLayout, apply_sniffed, sniff, stated_numbers
 from pneucli.io.timestamp_order import NEWEST_FIRST, Table, align_tables, falls
@@ -81,7 +81,8 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
     texts = labels[key]
     names = dict.fromkeys(text for text in texts if text)
     said = next((own for other, own in labels.items() if other != key and all(map(is_unit, set(own)))), None)
-    beside = {one.name: [f"{number:g}" for number in one.values] for one in values if one is not value}
+    numbers = (one for one in values if one is not value and JUDGES.fullmatch(one.name.strip()))
+    beside = {one.name: [f"{number:g}" for number in one.values] for one in numbers}
     judged = bad_rows({**labels, **beside})
     split, good = [], np.ones(texts.size, dtype=bool) if judged is None else ~judged[1]
     for name in names:
@@ -277,10 +278,9 @@ def _survey_text(raw: RawFile) -> Survey:
     columns, unused, runs = _shaped(reader, columns, labels)
     anew = bool(reader.header_lines) and _starts_anew(columns, reader.header_lines)
     parts = reader.header_lines + 1 if anew and not runs else 0
-    state = told_state(head_of(raw).lines[:MAX_PREAMBLE_LINES])
-    return Survey(
-        bare if plain else stated, True, columns, stated_numbers(raw, found), unused, parts, runs, state=state
-    )
+    lines = head_of(raw).lines
+    scalars, state = stated_numbers(lines, found), told_state(lines[:MAX_PREAMBLE_LINES])
+    return Survey(bare if plain else stated, True, columns, scalars, unused, parts, runs, state=state)
 
 
 def _shaped(

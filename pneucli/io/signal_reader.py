@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
@@ -215,12 +215,13 @@ class SignalReader:
         asked = {one.position for one in (*requests, *own, *texts)}
         beside = [n for n, name in enumerate(self.reader.names) if labels and n not in asked and JUDGES.fullmatch(name)]
         texts += [ColumnRequest(n, text=True) for n in beside]
-        whole = [np.concatenate(parts) for parts in zip(*self.reader.batches([*requests, *own, *texts]), strict=True)]
-        numbers = self._numbers(names, whole[: len(requests)])
+        batches = self.reader.batches([*requests, *own, *texts])
+        whole = iter([np.concatenate(parts) for parts in zip(*batches, strict=True)])
+        numbers = self._numbers(names, [*islice(whole, len(requests))])
         time = self._repaired("time", numbers["time"])
-        stamps = dict(zip(clocks, whole[len(requests) :], strict=False))
-        by_label = dict(zip(labels, whole[len(requests) + len(own) :], strict=False))
-        words = {self.reader.names[n]: own for n, own in zip(beside, whole[-len(beside) :], strict=False)}
+        stamps = dict(zip(clocks, islice(whole, len(clocks)), strict=True))
+        by_label = dict(zip(labels, islice(whole, len(labels)), strict=True))
+        words = dict(zip((self.reader.names[n] for n in beside), whole, strict=True))
         if (judged := bad_rows(words)) is not None:
             by_label = {key: np.where(judged[1], "", own) for key, own in by_label.items()}
             count = int(np.count_nonzero(judged[1]))

@@ -95,10 +95,10 @@ def sniff(raw: RawFile) -> SniffedLayout:
     return found.describe(raw.header)
 
 
-def stated_numbers(raw: RawFile, found: SniffedLayout) -> dict[str, float]:
+def stated_numbers(lines: Sequence[str], found: SniffedLayout) -> dict[str, float]:
     """Return what the lines above a table say of its sampling rate (Hz) or period (s), by the names that they use."""
     numbers: dict[str, float] = {}
-    lines = head_of(raw).lines[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]
+    lines = lines[: max(found.skip_rows, 1) + MAX_PREAMBLE_LINES]
     cut = [TextLayout("", found.delimiter, "", 0, ()).split(line) for line in lines[: found.skip_rows]]
     below = [f"{name}: {value}" for row, under in pairwise(cut) for name, value in zip(row, under, strict=False)]
     for line in (*lines, *below):

@@ -149,7 +149,9 @@ def open_mat(path: Path) -> ColumnReader:
     objects = [name for name, _, kind in variables if kind in _OBJECTS and name]
     if objects and not owner:
         raise only_objects(path, objects)
-    texts, titles, own = [*_texts(path, variables)], dict[str, str](), dict[str, str]()
+    read = {*owner.values()}
+    texts = [*_texts(path, [one for one in variables if one[0] not in read])]
+    titles, own = dict[str, str](), dict[str, str]()
     for name, columns in [(name, column_names(name, shape)) for name, shape, kind in variables if kind in _NUMBERS]:
         called, said = titles_and_units(texts, len(columns))
         titles |= {column: f"{name}/{text}" for column, text in zip(columns, called, strict=False)}
