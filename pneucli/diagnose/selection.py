@@ -33,11 +33,16 @@ ALPHA = 0.02  # rate at which a healthy rig yields any candidate
 
 
 def apply_tests(data: DiagnosisData, candidates: Sequence[Candidate]) -> list[Decision]:
-    """Decide on each candidate: is its estimate valid, and does it lower the cost significantly in the family of all
-    hypotheses?
+    """Decide on each candidate of one model: is its estimate valid, and does it lower the cost significantly?
+
+    Where the model leaves only noise, that counts in the family of all hypotheses. Where an unmodelled effect acts,
+    chance alone is no rival: the probability weighs how many resemble it, and few blocks of an effect that explains
+    nearly all of a channel would not outweigh a family.
     """
-    adjusted = holm_adjusted([c.p_value for c in candidates], max(data.hypothesis_count, len(candidates)))
-    return [Decision(c.effect, _reason(data, c, p), c) for c, p in zip(candidates, adjusted, strict=True)]
+    p_values = [c.p_value for c in candidates]
+    if candidates and is_complete(data, candidates[0].reduced):
+        p_values = holm_adjusted(p_values, max(data.hypothesis_count, len(candidates)))
+    return [Decision(c.effect, _reason(data, c, p), c) for c, p in zip(candidates, p_values, strict=True)]
 
 
 def _reason(data: DiagnosisData, candidate: Candidate, p_value: float) -> Reason:

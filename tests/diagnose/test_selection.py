@@ -56,7 +56,7 @@ def test_the_path_and_the_judgements_agree_with_the_last_model(case: dict[str, A
 
 CASE_OF_RULE = {
     "significance": "an effect that is not significant is not added",
-    "family of tests": "the family of all hypotheses decides on significance",
+    "family of tests": "the family of all hypotheses decides on significance where only noise is left",
     "at-bound": "an effect at its bound is not added however much it explains",
     "interval-contains-null": "an effect whose interval contains its absence is dropped however much it explains",
     "free-run error": "an effect that raises the free-run error is dropped however probable it is",
