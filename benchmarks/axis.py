@@ -6,8 +6,6 @@ order with a speed limit and a small play; a regulator with a buffer; generalise
 Steps are explicit and of fixed length, positions after velocities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

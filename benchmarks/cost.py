@@ -12,8 +12,6 @@ counts for the phase in which the main thread is. A profiler would double the ti
 imports nothing that the program does not.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

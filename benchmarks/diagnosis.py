@@ -45,8 +45,6 @@ the plan of a minute is recorded on the same rig, and it is diagnosed again. Fin
 again.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

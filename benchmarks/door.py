@@ -7,8 +7,6 @@ something of the signal, asked where a ``?`` waits, refused, or wrong in silence
 many are wrong in silence. ``--small`` takes each way once.
 """
 
-from __future__ import annotations
-
 import datetime
 import re
 import sys

@@ -6,8 +6,6 @@ the Savitzky-Golay window that errs least, which only the truth tells; the share
 deviations; the mass that least squares of the force find with each of the three.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ Judges what ``benchmarks.score`` keeps: the sets of effects that each diagnosis 
 chamber. The log score is -log of the probability of what is true, summed over the effects that any fitted set has.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

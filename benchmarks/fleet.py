@@ -11,8 +11,6 @@ some seconds at every date: the same test programme, new noise. Some rigs differ
 catalogue appeared, or friction grew.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

@@ -6,8 +6,6 @@ False alarms: how often a guard speaks in the true recordings of every world (fi
 ``tests/plausibility/faulty_data_sets.py``, it speaks. ``--write`` puts the table into ``docs/data-checks.md``.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections import Counter

@@ -5,8 +5,6 @@ line: what is left of the pressure, times the sensor's noise, by the model witho
 with a bore; the delay by the last two over length / speed of sound, and the bore over the true one.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from dataclasses import replace

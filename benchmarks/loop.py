@@ -23,8 +23,6 @@ load is a tenth of the supply's force; of ``periods`` and ``benefit`` 50 N on 8 
 rig; all else needs gcc.
 """
 
-from __future__ import annotations
-
 import argparse
 import ctypes
 import importlib.util

@@ -19,8 +19,6 @@ of a valve test. Nobody saw these recordings. Then processor seconds (imports an
 a user writes, the flow function and the balances among them where a peer has none.
 """
 
-from __future__ import annotations
-
 import argparse
 import inspect
 import json

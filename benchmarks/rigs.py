@@ -7,8 +7,6 @@ With ``--small`` a benchmark runs to its end in seconds and measures nothing. A 
 identifies is then replaced by the exact model of the rig.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import inspect

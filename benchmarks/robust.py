@@ -23,8 +23,6 @@ TABLE is one of
 The limits are those of ``python -m benchmarks.loop benefit``. ``--seeds N`` draws N rigs, ``--seed`` the first.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -14,8 +14,6 @@ usual ``--size 0.3333``; 03 10+4 messy; 04 14+4 wide; 05 5+2 rate-200Hz; 06 4+2 
 both-sides; 09 4+1 hose; 10 3+0 no-p2, constant-speed, hanging-load, return-spring.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -11,8 +11,6 @@ of the demo, command and load in steps, called every millisecond. Printed are th
 p2 relative to the range of each, and the seconds of FMPy and of the FMU alone.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os

@@ -15,8 +15,6 @@ N (scaled by the area over 8 cm^2) and the time to reject it to 50 um; error of 
 least share of samples in sliding of the load and the flow observer. The last rows are the worst of all rigs.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -22,8 +22,6 @@ and the valve is fitted to the others; errors on fitted recordings and on those 
 model would show.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import tempfile

@@ -13,8 +13,6 @@
 - ``picture FILE``: the moving picture of the README, from the demo.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import os

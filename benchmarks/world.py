@@ -13,8 +13,6 @@ that a textbook model with fitted parameters leaves in the channel in which it s
 these, false and mild names, error over noise before and after, processor seconds; then the counts of each family.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

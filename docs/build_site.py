@@ -4,8 +4,6 @@ Three faults abort: a link to no file, a link to no heading, a page in no menu. 
 ``build/pages``: README and changelog among the other pages, and formulas as MathML, for which nothing is fetched.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

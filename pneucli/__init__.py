@@ -9,8 +9,6 @@
 ``simulate`` and ``diagnose`` are also the packages of that name: what is imported from them is found as ever.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from types import ModuleType

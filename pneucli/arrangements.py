@@ -4,8 +4,6 @@ A new arrangement is one entry of ``ARRANGEMENTS``: it states which command open
 vent paths of one chamber have a map of their own. Openings count from the null command, positive toward filling.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

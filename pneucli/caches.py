@@ -1,7 +1,5 @@
 """Cache compiled functions on disk where possible; compile them again where the cache is unreadable."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import logging

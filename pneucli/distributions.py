@@ -3,8 +3,6 @@
 ``scipy.stats`` has the same functions, and takes half a second to import.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc, ndtr, ndtri, stdtr, stdtrit
 

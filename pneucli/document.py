@@ -1,7 +1,5 @@
 """Read the pipeline file as text and as TOML tables, before any validation."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

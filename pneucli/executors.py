@@ -1,7 +1,5 @@
 """Run many jobs: in threads or processes of this machine, or on a Dask cluster that runs the same program."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import multiprocessing

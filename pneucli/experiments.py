@@ -3,8 +3,6 @@
 A new kind is one entry of ``EXPERIMENT_KINDS``. Code asks the entry for its properties, never for its name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal

@@ -4,8 +4,6 @@ A field of an answer is a key, without the underscore that tells it from a word 
 are null; a null is NaN where the type is ``float``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass

@@ -1,7 +1,5 @@
 """Gases that a rig may be filled with, by name."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

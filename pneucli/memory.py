@@ -1,7 +1,5 @@
 """Give memory back to the system: what the allocators keep, and arrays that wait in a file."""
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import sys

@@ -4,8 +4,6 @@ A path may lead into a zip archive, ``runs.zip/step_1.csv``; a glob may, too. :f
 keeps what it can make again.
 """
 
-from __future__ import annotations
-
 import glob
 import logging
 import os

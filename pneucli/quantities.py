@@ -4,8 +4,6 @@ Pressures are absolute. ``x = 0`` where chamber 1 is smallest; ``u > 0`` fills c
 toward +x. On a rotary axis the same names denote an angle, torques and a moment of inertia (:data:`ROTARY_UNITS`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

@@ -1,7 +1,5 @@
 """``greet``: a good morning for a pipeline."""
 
-from __future__ import annotations
-
 from pneucli.cli.command import Command, File, How
 from pneucli.cli.console import print_json, print_text
 

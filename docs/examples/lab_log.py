@@ -1,7 +1,5 @@
 """Recordings of a laboratory's own logger: a line of JSON with names, units, scales and rate, then integers."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 python plant_fmu.py pneucli_plant.fmu
 """
 
-from __future__ import annotations
-
 import sys
 
 import fmpy

@@ -2,8 +2,6 @@
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405
 
-from __future__ import annotations
-
 from pneucli.controller.cascade import set_pressure_references
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, pressure_pi, read_sensors

@@ -1,7 +1,5 @@
 """A supply that sags: its pressure falls by a quarter while gas flows, which a regulator of the right size prevents."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ compared with alternatives in its place, and those that the others make needless
 missing effects. What costs about as much is named as an equivalent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

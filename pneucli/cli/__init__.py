@@ -3,8 +3,6 @@
 The body of a command does the heavy imports, so that ``--help`` answers at once.
 """
 
-from __future__ import annotations
-
 import gc
 import io
 import os

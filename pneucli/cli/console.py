@@ -1,7 +1,5 @@
 """Print answers on standard output; :mod:`pneucli.notebook.progress` prints everything else on standard error."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Write the pages that are generated from the program: ``python -m pneucli.cli.docs DOCS`` (``make docs``)."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

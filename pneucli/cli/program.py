@@ -1,7 +1,5 @@
 """The commands of this installation."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import pkgutil

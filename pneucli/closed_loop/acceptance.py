@@ -5,8 +5,6 @@ overshoot, tracking error and stiffness. A violation on the model, at an end of 
 twenty is reported, with its cause if a limit of the plant causes it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Each member is designed for the model with one more lag or delay between command
 the controller reads on that model, simulated, is what a machine must read to get its gains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

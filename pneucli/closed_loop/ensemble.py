@@ -7,8 +7,6 @@ of N of them k hold, and the probability has the lower bound of Clopper and Pear
 and Dabbene 1997).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Logs of a running controller: replay of its commands from its readings, and prediction of the loop by the model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

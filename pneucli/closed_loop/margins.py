@@ -9,8 +9,6 @@ by an impulse of each command on the simulated model and a realisation of its re
 inverse map, lags, delays and sample-and-hold are therefore included.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures of a closed-loop run, in SI unless the name has a unit, and laws side by side by them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

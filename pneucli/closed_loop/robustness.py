@@ -6,8 +6,6 @@ on the seed and k alone. Chunks of runs go to any engine (:mod:`pneucli.executor
 that an interrupted study continues.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections import deque

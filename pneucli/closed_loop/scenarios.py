@@ -1,7 +1,5 @@
 """Scenarios of the closed loop: reference, load, supply and sensor dropouts over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ References:
     G. E. P. Box, G. M. Jenkins, Time Series Analysis (1970), ch. 11.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

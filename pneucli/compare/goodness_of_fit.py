@@ -12,8 +12,6 @@ and how large they are. All that is known is that the segments of a correct mode
 whatever order of size. Where a restart falls on the break-away itself its velocity is not even known.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

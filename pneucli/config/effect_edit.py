@@ -1,7 +1,5 @@
 """Changes to a pipeline file that keep its comments and layout."""
 
-from __future__ import annotations
-
 import codecs
 import os
 import re

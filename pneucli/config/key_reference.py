@@ -4,8 +4,6 @@ What a key says stands in ``keys.toml``; type, unit, default and choices are tho
 and of the parsers of the tables that stages read themselves.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterable, Iterator

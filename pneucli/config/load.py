@@ -1,7 +1,5 @@
 """Read a pipeline file and say everything that is wrong with it at once, each fault with its line and mend."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence

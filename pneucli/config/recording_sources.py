@@ -1,7 +1,5 @@
 """From the recordings of a pipeline file to the files on disk: environment variables, globs, names."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Single values of the pipeline file that are no quantities: factors, marks, encodings, names."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ Only scalars, the two arrays of :mod:`pneucli.controller.layout` (``s`` state, `
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.layout import *

@@ -6,8 +6,6 @@ What a law is and which there are: docs/design.md.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Mapping

@@ -33,8 +33,6 @@ State chart (S_COMMISSIONING)::
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.layout import *

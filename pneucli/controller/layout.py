@@ -1,7 +1,5 @@
 """Indices of the two arrays of the controller: its state and its parameters."""
 
-from __future__ import annotations
-
 TABLE_NODES = 201  # of each inverse table
 STROKE_NODES = 101  # of each table along the stroke
 DELAY_LINE_SAMPLES = 64  # of each delay line: openings on their way through the hose, expected readings of the sensors

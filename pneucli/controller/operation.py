@@ -5,8 +5,6 @@ In the scalar code of :mod:`pneucli.controller.cascade`: the simulation runs it 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.commissioning import stop_commissioning

@@ -6,8 +6,6 @@ branches, 7.4 for the inverse valve map. ``s`` is the state and ``c`` the consta
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.layout import *

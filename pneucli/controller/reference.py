@@ -7,8 +7,6 @@ stiffness asks, or as set while it runs; it moves no faster than the valves can 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.layout import *

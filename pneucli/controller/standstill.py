@@ -43,8 +43,6 @@ State chart (state variable in brackets; "at rest": of the reference, :func:`ref
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 
 from pneucli.controller.layout import *

@@ -5,8 +5,6 @@ the level. One 5/3 spool fills one chamber and vents the other: their mean follo
 slowly for a reference. A chamber without a valve keeps its sealed gas, or is at ambient pressure.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -14,8 +14,6 @@ Source: pole placement after Ackermann, for example G. F. Franklin, J. D. Powell
 Systems, Addison-Wesley 1998, chapter 8; thesis (2.46-2.52) for what the valve can do; the shares are the project's own.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

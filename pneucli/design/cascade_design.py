@@ -4,8 +4,6 @@ The whole axis violates the matching condition (:mod:`pneucli.design.sliding`), 
 pressure that drives the piston. Rules: :mod:`pneucli.design.bandwidths`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Synthesis of the control laws, each by its own file, from the data of an axis."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 The source of each equation is that of the effect (docs/effects.md).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -12,8 +12,6 @@ Needs the extra ``lmi`` (cvxpy, Clarabel). States and input are normalised first
 and every solution is checked by eigenvalues afterwards.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Requirements on the controller: the table ``[design]`` of a pipeline file; every key has a default."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields

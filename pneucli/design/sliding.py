@@ -16,8 +16,6 @@ follow (lambda T > 1). The controller has its own: ``[design] eta``, by default 
 of the position loop.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Write an exam: folders as a laboratory would hand them over and, sealed, what is hidden in each."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

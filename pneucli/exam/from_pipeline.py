@@ -3,8 +3,6 @@
 Sizes of effects fit the rig, manoeuvres follow the recordings.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

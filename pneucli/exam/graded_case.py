@@ -1,7 +1,5 @@
 """Grade one case of an exam: the hidden effects, the answer, and the causes of errors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

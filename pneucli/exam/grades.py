@@ -1,7 +1,5 @@
 """The answers of ``exam``: what was written, what was answered, and the grades."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

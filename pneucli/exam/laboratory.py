@@ -1,7 +1,5 @@
 """A laboratory writes a folder: the recordings of one virtual rig and the pipeline file that describes them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Plan the recordings of a rig, by its kind and its conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """Write sealed cases, answer them, and grade the answers."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import time

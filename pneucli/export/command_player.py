@@ -5,8 +5,6 @@ position, and with another one where a position loop follows commands at the val
 range, and shuts the valve for good when a reading leaves its limits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path

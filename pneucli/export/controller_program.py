@@ -1,7 +1,5 @@
 """What of the program an exported controller consists of in any language, and the file that tells it."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import json

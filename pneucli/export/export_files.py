@@ -1,7 +1,5 @@
 """The export's files: C with its test vectors and their replay through the compiled C, MATLAB and CSV."""
 
-from __future__ import annotations
-
 import io
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ The functions of the controller run as they are, on numbers of numpy's single pr
 own literals stays single; the square root of a single number is rounded to one, as C's ``sqrtf`` is.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from types import FunctionType, SimpleNamespace

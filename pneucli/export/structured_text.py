@@ -5,8 +5,6 @@ would evaluate both sides, and divide by zero), a whole number that meets a real
 returns something and is called in an expression, places in arrays are numbers, with their names as comments.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """What kind of number each name of the restricted Python holds: whole, true or false, else real."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

@@ -1,7 +1,5 @@
 """Write the page of a fleet, JUnit for CI, and metrics for a monitor."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

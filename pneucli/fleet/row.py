@@ -1,7 +1,5 @@
 """One row of a fleet, processed where its data are: its own pipeline in a temporary folder."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 import tomllib

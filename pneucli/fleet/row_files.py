@@ -1,7 +1,5 @@
 """The rows of a fleet's table: the pipeline file of a row, its stored result, and all as Parquet datasets."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

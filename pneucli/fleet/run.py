@@ -1,7 +1,5 @@
 """``fleet``: a pipeline for each row of a table, what changed in which rig, and the results of all."""
 
-from __future__ import annotations
-
 import math
 import time
 import tomllib

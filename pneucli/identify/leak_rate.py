@@ -1,7 +1,5 @@
 """Leak rates in the units of the trade: the pressure decay of a shut chamber, and the equivalent flow."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

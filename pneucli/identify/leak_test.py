@@ -4,8 +4,6 @@ The gas leaves by ``p^2 - p_amb^2 = a q + b q^2``: a laminar gap is the limit b 
 temperature comes to that of the wall after filling (an exponential), and the wall drifts by what is stated.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ natural convection after W. H. McAdams, Heat Transmission, McGraw-Hill 1954.
 """
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

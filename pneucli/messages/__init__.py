@@ -5,8 +5,6 @@ what was found, how certain it is, what it changes, what to do, and the tables b
 the same sentences. Nothing heavy is imported here.
 """
 
-from __future__ import annotations
-
 import importlib
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What changed since an earlier diagnosis: each parameter with its interval, or the sizes that would have been seen."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The answer of ``design``: corners and sectors, the bench of laws, the margins, and the gate."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The answer of ``diagnose``: verdict, evidence, parameter shifts, and the next step."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

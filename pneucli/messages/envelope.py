@@ -1,7 +1,5 @@
 """Which samples of a curve are drawn, so that few show every peak and every gap."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

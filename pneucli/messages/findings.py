@@ -1,7 +1,5 @@
 """What a stage has to tell a person beside its figures: a code, and the values that its sentence needs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 

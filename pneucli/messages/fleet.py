@@ -1,7 +1,5 @@
 """What a fleet's run found: how many rigs, who changed, what failed, and where the page is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A valve on a steady bench: its characteristics, and what its rows say that a valve does not explain."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

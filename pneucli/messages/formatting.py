@@ -1,7 +1,5 @@
 """Numbers and units as people read them: bar and mm instead of Pa and m, and as many digits as mean something."""
 
-from __future__ import annotations
-
 import math
 import re
 import string

@@ -1,7 +1,5 @@
 """How the error fell from the first model to the one as it is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

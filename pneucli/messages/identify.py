@@ -1,7 +1,5 @@
 """The answer of ``identify``: the parameters with their intervals, the valve, friction, leaks and their uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

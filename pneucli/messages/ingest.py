@@ -1,7 +1,5 @@
 """The answer of ``ingest``: what was read, what had to be repaired, and what cannot be true of it."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

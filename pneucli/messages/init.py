@@ -1,7 +1,5 @@
 """What was seen in raw files, what was made of it, and what is left to people."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath

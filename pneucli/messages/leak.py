@@ -1,7 +1,5 @@
 """The answer of ``leak``: what leaks with its interval, the law, whether it passes, and what limits the answer."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

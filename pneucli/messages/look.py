@@ -1,7 +1,5 @@
 """Raw files as they would be taken: each signal with its column, unit, range, rests and a curve, then doubts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

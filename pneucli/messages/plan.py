@@ -1,7 +1,5 @@
 """The answers of ``plan``: manoeuvres, steps for a person, what was refused, and what a plan decided."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """What a stage will do, what it is doing, and how long that takes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pneucli.messages.formatting import format_plain

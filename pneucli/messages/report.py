@@ -1,7 +1,5 @@
 """Where the report is, and whether what was stated holds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

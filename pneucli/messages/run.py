@@ -1,7 +1,5 @@
 """Where a pipeline stands, in a few lines: the error and its fall, the verdict, what to do, checks, the report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

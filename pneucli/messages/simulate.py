@@ -1,7 +1,5 @@
 """The answer of ``simulate``: what the controller holds on the identified model, and where it fails."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Sensor noise: its model, and its estimate from a recording."""
 
-from __future__ import annotations
-
 from pneucli.noise.estimate import NORMAL_MAD, NoiseModel, estimate_noise, pool_noise
 from pneucli.noise.spectrum import detect_jumps, jump_free_segments
 

@@ -3,8 +3,6 @@
 Source: docs/method.md, cost and initial state: a Whittle fit below jumps, an F test of lines.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Source: P. D. Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73, with an o
 the segments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The workbench of a run, served by a thread of the notebook and shown in a frame."""
 
-from __future__ import annotations
-
 import asyncio
 import html
 from collections.abc import Callable

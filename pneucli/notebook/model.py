@@ -1,7 +1,5 @@
 """Load the identified model of a run, and its recordings, from the folder of its artifacts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Print progress and messages on standard error, for a terminal, a log or a notebook."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -4,8 +4,6 @@ The kernel compiles plain arithmetic only. Checks here find what it cannot compi
 names, arguments that do not match the port, strings, lists, attributes of objects.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import math

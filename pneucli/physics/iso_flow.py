@@ -1,7 +1,5 @@
 """Flow of a pneumatic component at steady pressures by ISO 6358-1."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

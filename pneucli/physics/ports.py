@@ -1,7 +1,5 @@
 """The ports: the places in the equations where effects enter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -4,8 +4,6 @@ A quantity of a declaration is a number in its parameter's unit, or a number of 
 A scale follows from the quantities of the rig; where these are missing, the scale is NaN.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

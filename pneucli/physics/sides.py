@@ -4,8 +4,6 @@ An effect is declared once, for chamber 1 or for both chambers. Its variant ``NA
 with the same equations and parameters; an effect that is declared for both has variants ``NAME:1`` and ``NAME:2``.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Flow and friction over whole arrays: the scalar functions of the simulator, called for each element."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pneucli.arrays import Array

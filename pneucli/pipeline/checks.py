@@ -1,7 +1,5 @@
 """Evaluate the checks of a pipeline file: dotted paths into the stages' JSON answers, and their limits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

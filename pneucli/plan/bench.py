@@ -1,7 +1,5 @@
 """The benches of a plan: how each is driven, what it records, where it starts; one manoeuvre on it, as predicted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

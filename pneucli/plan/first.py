@@ -1,7 +1,5 @@
 """The first programme of a rig that is only described: a typical model, and how little of it is known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The manoeuvres that a bench can carry out, the programme that is drawn from them, and its recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from itertools import zip_longest

@@ -1,7 +1,5 @@
 """Simulate a manoeuvre with a model: its readings, and the motion and pressures that limits are checked against."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draw an effect: a standard experiment simulated with and without it, and their difference."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

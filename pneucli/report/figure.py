@@ -1,7 +1,5 @@
 """Draw static figures: inline SVG from matplotlib, whose ink is the page's text colour, light or dark."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Compose the first screen of the page: the result in ten seconds of reading."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The elements of a page: tables, figures, notes, zoomable plots and sections."""
 
-from __future__ import annotations
-
 import pkgutil
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The page of a plan: recordings, predictions, differences of the rivals over noise, power, refused manoeuvres."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import islice
 

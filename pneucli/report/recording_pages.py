@@ -1,7 +1,5 @@
 """Pages of single recordings: ``look``, the signals as they would be taken, and ``leak``, the test of a shut vessel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pneucli.messages import leak, look

@@ -1,7 +1,5 @@
 """Write a summary as Markdown for a pull request or a mail, with the tables of the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from xml.etree import ElementTree
 

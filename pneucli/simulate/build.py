@@ -4,8 +4,6 @@ The cache of numba does not notice edits in other modules, so the name of the fi
 which contains every equation that it runs.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import inspect

@@ -1,7 +1,5 @@
 """Derivatives of the simulated readings by any parameters, from simulations with dual numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial

@@ -8,8 +8,6 @@ References:
     A. Griewank and A. Walther, Evaluating Derivatives, 2nd ed., SIAM (2008), chapter 3 (forward mode).
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

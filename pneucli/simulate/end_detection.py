@@ -6,8 +6,6 @@ load, and the load is what the drive balances in motion: a preloaded spring that
 end against the pressures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

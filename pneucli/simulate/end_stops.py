@@ -1,7 +1,5 @@
 """The ends of the stroke in experiments: where the model stops, and where an end may carry the measured piston."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

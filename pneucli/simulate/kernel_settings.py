@@ -1,7 +1,5 @@
 """The switches of a recording and the longest step, as the kernel takes them (:mod:`pneucli.simulate.layout`)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

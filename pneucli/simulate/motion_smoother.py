@@ -7,8 +7,6 @@ and at every rest the velocity is zero, so that no drift gathers.
 Source: G. H. Golub, C. F. Van Loan, Matrix Computations, 2013.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Open-loop scenarios: the model alone, on recorded inputs or on a command, without restarts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -4,8 +4,6 @@ Sensor noise is propagated through the same smoothing and simulation as the meas
 a run deviate from a correct model. Smoothing is linear, so the draws need no true signal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

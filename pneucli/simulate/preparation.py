@@ -1,7 +1,5 @@
 """Prepare a recording for simulation: fill gaps, estimate noise, smooth the inputs, choose the restarts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The quantities of a rig for its scales: from its description, from recordings, and from the model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

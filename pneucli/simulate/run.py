@@ -1,7 +1,5 @@
 """Run a model over an experiment; readings of slow sensors of temperature, and of a force on a clock of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from threading import Lock

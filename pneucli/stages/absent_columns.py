@@ -1,7 +1,5 @@
 """Signals as a pipeline states them: columns that the raw files lack, and reference states of flows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Parts that the answers of several stages have: parameters, assumptions, leaks, lack of fit, free runs, purpose."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The baseline of each diagnosis, and the changes since an earlier one."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """``check``: a pipeline without running it: its file, its raw files, their signals, the rig."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """``compare``: model against recordings: how much they differ, and where."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial

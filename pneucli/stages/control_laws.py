@@ -1,7 +1,5 @@
 """The bench of controllers, a part of ``design``: the same scenarios under each law, and what each component brings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, field, fields

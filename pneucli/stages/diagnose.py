@@ -1,7 +1,5 @@
 """``diagnose``: the missing physical effects, their probabilities and equivalents, and the next experiment."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Parts of the answer of ``diagnose``: numbers, and the sentences that messages make of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """``diff``: two finished runs side by side: effects, errors, parameters beyond their intervals, verdicts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

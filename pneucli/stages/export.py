@@ -1,7 +1,5 @@
 """``export``: the designed controller, the identified maps and the plant for other programs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Steady benches in ``identify`` and ``compare``: by themselves, whatever else a pipeline records."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Diagnosis of a steady bench: which of the catalogue's effects its rows show, and what they say beyond these."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ A stage that is run anew takes the former models over as links, and the model th
 comes back is not kept twice. So the history is whole or as before at every moment, as the stage's folder is.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

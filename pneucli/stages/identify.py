@@ -1,7 +1,5 @@
 """``identify``: signals -> valve map and inverse, friction models A to F, and the model's parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What ``identify`` writes and answers: parameters, relations between them, budgets, the valve, friction."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import chain

@@ -1,7 +1,5 @@
 """``init``: a new pipeline file, from a commented example or from raw files that are looked at."""
 
-from __future__ import annotations
-
 import glob
 import os
 from collections.abc import Iterator, Mapping, Sequence

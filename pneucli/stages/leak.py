@@ -1,7 +1,5 @@
 """``leak``: a leak test of a shut vessel, from raw files or a pipeline file, in the units of the trade."""
 
-from __future__ import annotations
-
 import math
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """``look``: raw files as ``init`` and ``ingest`` would take them, before there is a pipeline file to edit."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Iterator, Sequence

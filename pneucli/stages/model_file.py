@@ -1,7 +1,5 @@
 """The identified model as a file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``[model.parameters]`` and the tolerances of ``[rig]``: priors of identified parameters."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """``plan --take``: the recordings of a plan into the pipeline file, and what they decide."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

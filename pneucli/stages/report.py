@@ -1,7 +1,5 @@
 """``report``: one HTML file, a Markdown summary, JUnit XML."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

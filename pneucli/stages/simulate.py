@@ -1,7 +1,5 @@
 """``simulate``: open-loop and closed-loop scenarios with the identified model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Samples on a grid (thesis figure 4.1): of a function, or directly from scattered measurements."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce

@@ -18,8 +18,6 @@ References:
     P. Baranyi, IEEE Trans. Ind. Electron. 51 (2004) 387-400, and thesis (4.6) (the types).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

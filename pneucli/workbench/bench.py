@@ -1,7 +1,5 @@
 """The pipeline on the bench: its file, its artifacts, the live model, and every change that the page may ask for."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Run the program's own commands in processes of their own: what a button does is what the command line does."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shlex

@@ -1,7 +1,5 @@
 """The workbench while it runs: who may ask it, its open pages, the one command, outside changes, the end."""
 
-from __future__ import annotations
-
 import asyncio
 import hmac
 import ipaddress

@@ -1,7 +1,5 @@
 """Curves between two simulated values of one parameter: what is shown of a long recording while the hand moves."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence

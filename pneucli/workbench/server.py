@@ -1,7 +1,5 @@
 """The server of one page: aiohttp on this machine."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,7 +1,5 @@
 """What the page shows of the pipeline: the model as a list, its parameters, the ladder, the diagnosis."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The cascade on the identified axis: what issue 4 asks of it, and what it must survive."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

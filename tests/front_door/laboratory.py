@@ -1,7 +1,5 @@
 """Recordings as laboratories write them: one known axis, in a random clock, unit, container, and with random faults."""
 
-from __future__ import annotations
-
 import bz2
 import datetime
 import gzip

@@ -1,7 +1,5 @@
 """What the identification as a whole hands over, and what it asks for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

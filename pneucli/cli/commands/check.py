@@ -1,7 +1,5 @@
 """``check``: what a pipeline reads and lacks, without running it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated

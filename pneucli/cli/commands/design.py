@@ -1,7 +1,5 @@
 """``design``: the control laws, one of them for the axis."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -1,7 +1,5 @@
 """``diagnose``: the missing physical effect, or what changed since an older recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """``exam``: write sealed cases with hidden effects, answer them by this program, and grade the answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -1,7 +1,5 @@
 """``explain``: what a code of a fault means; the same texts make the page ``docs/errors.md``."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field

@@ -1,7 +1,5 @@
 """``export``: controller and maps as files for other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``fleet``: process many rigs and dates from one template, and report the changes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

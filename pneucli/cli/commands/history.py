@@ -1,7 +1,5 @@
 """``history``: the errors of every model that was compared, oldest first."""
 
-from __future__ import annotations
-
 from pneucli.cli import console
 from pneucli.cli.command import Command, File, HowToRun
 

@@ -1,7 +1,5 @@
 """``leak``: a leak test of a shut vessel, from raw files to a verdict."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote

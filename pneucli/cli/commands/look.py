@@ -1,7 +1,5 @@
 """``look``: signals of raw files as they would be taken, before there is a pipeline file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote

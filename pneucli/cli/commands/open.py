@@ -1,7 +1,5 @@
 """``open``: the report, up to date, in the browser."""
 
-from __future__ import annotations
-
 import webbrowser
 
 from pneucli import messages

@@ -1,7 +1,5 @@
 """``plan``: the next experiment as files to run, and the recordings of a plan into the pipeline."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """``plot``: measured, model and residual of a recording, in a file or in the terminal."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

@@ -1,7 +1,5 @@
 """``remove``: remove effects from the model, identify again, show the error before and after."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

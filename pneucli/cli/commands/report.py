@@ -1,7 +1,5 @@
 """``report``: the page of all answers, and that of the thesis."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

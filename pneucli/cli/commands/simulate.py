@@ -1,7 +1,5 @@
 """``simulate``: scenarios of the model, with and without its controller."""
 
-from __future__ import annotations
-
 from pneucli.cli.command import Command, Executor, File, HowToRun, executor_option, run_stage
 
 

@@ -1,7 +1,5 @@
 """The control laws: one file a law, found in this folder; those of other packages by their entry points."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

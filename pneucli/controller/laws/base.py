@@ -1,7 +1,5 @@
 """A control law: its sample in scalar code, its synthesis, its own states and parameters, the functions it needs."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import sys

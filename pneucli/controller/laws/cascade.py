@@ -1,7 +1,5 @@
 """The law ``best``: the cascade with friction ahead, observers and release at rest."""
 
-from __future__ import annotations
-
 from pneucli.controller.cascade import cascade_step
 from pneucli.controller.laws.base import ControlLaw
 

@@ -14,8 +14,6 @@ behind the map is equivalent where the map is inverted exactly; within the overl
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 from typing import Any
 
 from pneucli.controller.cascade import set_pressure_references

@@ -11,8 +11,6 @@ friction balances any force within break-away, the prediction is exact and the e
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, NEXT_LAW_STATE, S_UNFILTERED_SPEED
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, net_force, speed_after

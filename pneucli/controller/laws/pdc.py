@@ -8,8 +8,6 @@ is that of the TP model.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

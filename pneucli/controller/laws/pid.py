@@ -7,8 +7,6 @@ of the piston's motion.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 from pneucli.controller.cascade import set_pressure_references
 from pneucli.controller.laws.base import ControlLaw
 from pneucli.controller.laws.shared_blocks import feedforward_force, pressure_pi, read_sensors

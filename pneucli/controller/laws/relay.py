@@ -12,8 +12,6 @@ force that one sample needs, and sampling alone makes it chatter no longer.
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

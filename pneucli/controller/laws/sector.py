@@ -15,8 +15,6 @@ with y and has one root, found by bisection. A piston that sticks has y = -v_r a
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -7,8 +7,6 @@ chambers, the force over the area of chamber 1 is that pressure; a second valve 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # ruff: noqa: F403, F405, ANN
 
-from __future__ import annotations
-
 from pneucli.controller.cascade import friction_feedforward
 from pneucli.controller.layout import *
 from pneucli.controller.observers import initialise_at_first_sample

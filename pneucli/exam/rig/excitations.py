@@ -1,7 +1,5 @@
 """What moves the test rigs: steps and staircases of the valve, position control, machines, rows of steady flow."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The gas of the rig: flow through openings and from a pump, leaks, a chamber with its walls, a hose in segments."""
 
-from __future__ import annotations
-
 import math
 
 from pneucli.arrays import Array

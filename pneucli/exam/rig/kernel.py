@@ -5,8 +5,6 @@ the friction, and ends early where the piston comes to rest. Sticking is exact, 
 break-away level.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All parameters of the virtual rig; the defaults are a rig without any additional effect."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 ONE_CHAMBER, FIVE_THREE, TWO_VALVES = 0.0, 1.0, 2.0

@@ -1,7 +1,5 @@
 """The rig's sensors: distortion, noise, quantisation and sampling."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The controller has its own clock, so commands may change between two samples or stay over many.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

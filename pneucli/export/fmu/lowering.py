@@ -5,8 +5,6 @@ Assignments to several targets become single ones, ``x in (a, b)`` comparisons, 
 are annotated, sizes of arrays are constants, and names that C reserves get an underscore.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

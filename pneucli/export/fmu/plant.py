@@ -1,7 +1,5 @@
 """The plant that is exported: the identified rig with its effects, its inputs, its start, and its parameters."""
 
-from __future__ import annotations
-
 import math
 import sys
 import tomllib

@@ -1,7 +1,5 @@
 """Identify friction from recordings of a cylinder (thesis chapter 6)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Errors of the friction models under the measured forces, in acceleration and velocity (thesis tables 6.2, 6.3)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

@@ -5,8 +5,6 @@ and viscous with constants of its own while slowing (6.21). E: TP models of D, F
 branch. The TP models hold S(v) = a22(v) = F(v) / (m v) of (2.48), so that F(v) = m v S(v).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal

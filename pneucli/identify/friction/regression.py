@@ -3,8 +3,6 @@
 Source: P. J. Huber, Ann. Math. Stat. 35 (1964) 73-101; docs/friction-identification.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The first guess of the base model without a simulation: volumes, friction from the force balance, valve areas."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The flow paths of a valve that fill and vent one chamber, and its mass balance, thesis (2.14) and (2.22)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

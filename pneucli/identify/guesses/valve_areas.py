@@ -1,7 +1,5 @@
 """First guesses of a valve's areas over its command, for each form of valve."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ simulates all channels, where a subsystem has no signal. Each residual is smooth
 with stick and slip is not. To add a subsystem, write one module and one line in :func:`residual_models`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

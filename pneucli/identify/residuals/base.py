@@ -5,8 +5,6 @@ no gas flows, and whitening takes it out of the residuals (docs/method.md). Pres
 few samples) are taken as exact.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence

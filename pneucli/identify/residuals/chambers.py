@@ -6,8 +6,6 @@ allows.
 Source: docs/method.md, residual models.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence

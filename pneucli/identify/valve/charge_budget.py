@@ -1,7 +1,5 @@
 """Uncertainty of C, b, m and cracking pressure: charge tests (ISO 6358-2) and steady benches, by JCGM 100."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

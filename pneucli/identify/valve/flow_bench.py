@@ -1,7 +1,5 @@
 """A valve on a steady bench: flow over command and pressures, its inverse, errors of rows, and nested models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

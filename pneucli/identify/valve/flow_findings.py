@@ -1,7 +1,5 @@
 """Whether the rows of a steady bench are those of a valve: a command that sets an area, and a flow by the pressures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise

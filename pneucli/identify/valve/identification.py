@@ -1,7 +1,5 @@
 """Read the paths of a chamber from the fitted model (thesis 7.4): map, inverse, characteristics, and lack of fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ C follows from the effective area and the choked flow function; b is the model's
 flow function of the model is an ellipse. Where the model assumes b or m, its interval is what industrial valves have.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product

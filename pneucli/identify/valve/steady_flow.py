@@ -4,8 +4,6 @@ A weighted least squares fit on the flow. The weights come from the scatter betw
 the intervals from the residuals, so that they cover lack of fit and not only the noise of the sensors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -14,8 +14,6 @@ References:
     ISO 6358-1:2013 and -2:2013 with their amendments on uncertainty.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ group ``pneucli.effects`` in other packages.
 A plugin is the same declaration in a Python file of the user, which the pipeline file names (``[model] plugins``).
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import keyword

@@ -3,8 +3,6 @@
 A chapter without its artifact is left out. Files without a place help others.
 """
 
-from __future__ import annotations
-
 from pneucli.report.page_elements import declared_sections
 
 SECTIONS = declared_sections(__name__)

@@ -1,7 +1,5 @@
 """The checks of the pipeline file: limits and values."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pneucli.report.page_elements import Cell, Grid, Row, Section

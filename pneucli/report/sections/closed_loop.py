@@ -1,7 +1,5 @@
 """The closed loop: the design of the controller, and its performance on the identified model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Model and measurement: the error of each channel, and zoomable plots of both over time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

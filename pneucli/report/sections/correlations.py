@@ -1,7 +1,5 @@
 """Diagnostics of the identification: correlated parameters, sensitivity, convergence, correlation of residuals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

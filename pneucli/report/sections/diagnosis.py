@@ -1,7 +1,5 @@
 """The diagnosis: the missing physical effect, and its evidence in the residual."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The location of the error: intervals, worst first, and maps of the residual over two state variables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """The steady flow bench: conductance over pressure ratio, flow over pressure, and C, b, m of each opening."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

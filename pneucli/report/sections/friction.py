@@ -1,7 +1,5 @@
 """Friction: measurements, its two branches, models A to F, and the error of each model on the recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Comparison of control laws: results, the benefit of the inverse map and of each component."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs of a running controller: the predicted and the measured figures of the loop."""
 
-from __future__ import annotations
-
 from pneucli.messages import compare
 from pneucli.report.page_elements import Grid, Part, Section
 from pneucli.report.report_data import ReportData

@@ -1,7 +1,5 @@
 """Open-loop scenarios: a free run of the model from start to end."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pneucli.messages.envelope import envelope_indices

@@ -1,7 +1,5 @@
 """The model's parameters with their intervals."""
 
-from __future__ import annotations
-
 import math
 
 from pneucli.figure import Figure

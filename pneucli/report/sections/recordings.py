@@ -1,7 +1,5 @@
 """The measurements: recordings, their signals, sensor noise, and repairs while reading."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import PurePath
 

@@ -1,7 +1,5 @@
 """Robustness: the checks that hold on axes that differ from the model, and the error under each effect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The uncertainty budgets of C, b, m and cracking pressure, as tables of the valve's chapters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from pneucli.figure import Figure

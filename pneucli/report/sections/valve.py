@@ -1,7 +1,5 @@
 """The valve: curves, pressure gradient over command and pressure, inverse map, effective area of each command."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial

@@ -3,8 +3,6 @@
 One file a chapter, as in :mod:`pneucli.report.sections`.
 """
 
-from __future__ import annotations
-
 from pneucli.report.page_elements import declared_sections
 
 SECTIONS = declared_sections(__name__)

@@ -1,7 +1,5 @@
 """The control law of the thesis on this axis: figures 7.28 to 7.34, as far as the scenarios contain them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

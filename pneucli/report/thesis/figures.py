@@ -1,7 +1,5 @@
 """The figures of the thesis: flow function, friction laws, sectors, valve, and one stick-slip by each model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

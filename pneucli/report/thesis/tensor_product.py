@@ -1,7 +1,5 @@
 """The tensor-product models of friction: weighting functions and vertices."""
 
-from __future__ import annotations
-
 from pneucli.messages.formatting import format_quantity, in_display_unit
 from pneucli.report.figure import Drawing, drawing, figures
 from pneucli.report.page_elements import Grid, Part, Row, Section
