@@ -32,7 +32,6 @@ from pneucli.pipeline.runner import open_pipeline
 from pneucli.recording import Recording, Rig
 from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms import ValveArea
-from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.stages.pipeline_file import load_pipeline_file
 
@@ -210,7 +209,7 @@ def write(
     answers = {name: dict(one.answer) for name, one in done.items()}
     config = load_pipeline_file(pipeline)
     study = PipelineData(Context(pipeline, config, opened.artifacts, opened.artifacts, answers=answers))
-    bench = exam_rig(study, load_model(opened.artifacts / "identify", study.rig, study.effects))
+    bench = exam_rig(study)
     about = {
         "like": opened.name,
         "seed_from": "given",
@@ -221,7 +220,7 @@ def write(
     return WrittenLike("pneucli/exam-written/1", str(directory), opened.name, seed, list(sizes), names)
 
 
-def exam_rig(study: PipelineData, model: Model) -> UserRig:
+def exam_rig(study: PipelineData) -> UserRig:
     """Return the exam's description of the user's rig; raises InputError for valves and recordings that it lacks."""
     where = str(study.context.path)
     if study.rig.valve_kind != "proportional":
@@ -235,7 +234,7 @@ def exam_rig(study: PipelineData, model: Model) -> UserRig:
     recordings = study.recordings
     return UserRig(
         "",  # each case has a name of its own
-        _parameters(study, model),
+        _parameters(study.rig, study.identified_model),
         _sensors(recordings),
         vessel_volume=study.rig.vessel_volume if any(r.kind.vessel for r in recordings) else None,
         has_cylinder=any(r.kind.cylinder for r in recordings),
@@ -247,9 +246,8 @@ def exam_rig(study: PipelineData, model: Model) -> UserRig:
     )
 
 
-def _parameters(study: PipelineData, model: Model) -> Parameters:
-    rig, base = study.rig, model.base_values()
-    usual = Parameters()
+def _parameters(rig: Rig, model: Model) -> Parameters:
+    base, usual = model.base_values(), Parameters()
     first, second = rig.piston_areas
     values = {
         "temperature": rig.gas_temperature,

@@ -1,4 +1,4 @@
-"""Load the identified model of a run, and its recordings, from the folder of its artifacts."""
+"""Load a run, its recordings and its model, from the folder of its artifacts."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,17 +10,10 @@ from pneucli.io.recordings import SIGNALS_FILE
 from pneucli.pipeline.graph import Context
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import ROTARY_UNITS, axis_motion
-from pneucli.simulate.model import Model
-from pneucli.stages.model_file import MODEL_FILE, load_model
+from pneucli.stages.model_file import MODEL_FILE
 from pneucli.stages.pipeline_data import PipelineData
 
 Answers = Mapping[str, dict[str, Any]]  # of the stages ingest and identify, by stage
-
-
-def load_run_model(artifacts: Path, pipeline: Pipeline | None, answers: Answers) -> Model:
-    """Return the model that ``identify`` wrote."""
-    data = load_run_data(artifacts, pipeline, answers)
-    return load_model(artifacts / "identify", data.rig, data.effects)
 
 
 def load_run_data(artifacts: Path, pipeline: Pipeline | None, answers: Answers) -> PipelineData:

@@ -122,15 +122,11 @@ class RunData:
     @cached_property
     def model(self) -> Model:
         """The identified model, as the simulator takes it."""
-        from pneucli.notebook.model import load_run_model  # noqa: PLC0415 - it imports the kernel
-
-        return load_run_model(self.artifacts, self.pipeline, self._model_answers())
+        return self.pipeline_data().identified_model
 
     def pipeline_data(self) -> PipelineData:
         """Return the rig, the recordings and the effects as the stages see them."""
         from pneucli.notebook.model import load_run_data  # noqa: PLC0415 - it imports the kernel
 
-        return load_run_data(self.artifacts, self.pipeline, self._model_answers())
-
-    def _model_answers(self) -> dict[str, dict[str, Any]]:
-        return {stage: self.answer(stage) for stage in ("ingest", "identify")}
+        answers = {stage: self.answer(stage) for stage in ("ingest", "identify")}
+        return load_run_data(self.artifacts, self.pipeline, answers)

@@ -57,7 +57,7 @@ from pneucli.stages.answer_parts import (
     purpose_of,
 )
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_residual_blocks, flow_results
-from pneucli.stages.model_file import load_drawn_models, load_model
+from pneucli.stages.model_file import load_drawn_models
 from pneucli.stages.pipeline_data import PipelineData
 
 UNKNOWN_CONTROLLER = "unknown"
@@ -121,7 +121,7 @@ def _compare_over_time(
 ) -> tuple[list[Comparison], list[ExpectedError], dict[str, ReplayedLog], Model]:
     """Compare the model with the recordings over time, and replay the controllers of those that state one."""
     context = study.context
-    model = load_model(context.artifacts / "identify", study.rig, study.effects)
+    model = study.identified_model
     experiments = study.experiments
 
     def progress(i: int) -> None:

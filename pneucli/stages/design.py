@@ -97,7 +97,7 @@ from pneucli.stages.control_laws import (
     valve_warnings,
     write_comparison,
 )
-from pneucli.stages.model_file import load_model, parameter_intervals
+from pneucli.stages.model_file import parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
 
@@ -134,7 +134,7 @@ def run(context: Context) -> dict[str, Any]:
         raise NotApplicable(
             f"{context.path}", "no axis to control", "a cylinder and a recording of it with its valve", code="E071"
         )
-    model = load_model(context.artifacts / "identify", study.rig, study.effects)
+    model = study.identified_model
     wanted = read_requirements(
         context.config.design, f"{context.path}, key design", **_sensors_and_drive(axes, model, context)
     )

@@ -16,10 +16,9 @@ from pneucli.io.artifacts import read_table
 from pneucli.messages.export import Answer, ExportedController, PlantAnswer, PrecisionCost
 from pneucli.messages.progress import counted
 from pneucli.pipeline.graph import Context, NotApplicable
-from pneucli.simulate.model import Model
 from pneucli.stages.control_laws import closed_loop_setup, load_controller
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import load_model, parameter_intervals
+from pneucli.stages.model_file import parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
 TARGETS = ("c", "mat", "csv", "st")  # of the controller and the maps
@@ -43,18 +42,18 @@ def run(context: Context) -> dict[str, Any]:
     """Write what was asked for (``options["to"]``, by default all of the controller); return the files' names."""
     wanted = context.options.get("to") or TARGETS
     of_controller, plant = [target for target in wanted if target != PLANT_TARGET], None
-    exported = _export_controller(context, of_controller) if of_controller else None
+    study = PipelineData(context)
+    exported = _export_controller(study, of_controller) if of_controller else None
     if PLANT_TARGET in wanted:
         context.progress("compiling the plant")
-        study = PipelineData(context)
-        model = load_model(context.artifacts / "identify", study.rig, study.effects)
-        plant = export_plant(context, study, model)
+        plant = export_plant(study)
     files = sorted(path.name for path in context.out.iterdir() if not path.name.startswith("."))
     return to_answer(Answer("pneucli/export/1", context.config.name, exported, plant, files))
 
 
-def _export_controller(context: Context, wanted: Sequence[str]) -> ExportedController:
+def _export_controller(study: PipelineData, wanted: Sequence[str]) -> ExportedController:
     """Write the controller and the maps; raises NotApplicable where no controller was designed."""
+    context = study.context
     if "design" not in context.answers:
         found = "no controller to export, since there is no axis to control"
         raise NotApplicable(
@@ -68,9 +67,8 @@ def _export_controller(context: Context, wanted: Sequence[str]) -> ExportedContr
     for i, target in enumerate(wanted):
         context.progress(counted(f"writing {target}", i, len(wanted)))
         if target in ("c", "st"):
-            study = PipelineData(context)
-            model = load_model(context.artifacts / "identify", study.rig, study.effects)
-            about = (context.out, controller, model, closed_loop_setup(context.answers["design"]), context.config.name)
+            bench = closed_loop_setup(context.answers["design"])
+            about = (context.out, controller, study.identified_model, bench, context.config.name)
             if target == "c":
                 difference = export_files.write_c(*about, precision, prefix)
             else:
@@ -101,12 +99,13 @@ def _write_tables(out: Path, target: str, controller: Controller, tables: dict[s
         export_files.write_csv(out / f"{name}.csv", table)
 
 
-def export_plant(context: Context, study: PipelineData, model: Model) -> PlantAnswer:
+def export_plant(study: PipelineData) -> PlantAnswer:
     """Write the FMU; return what an importer finds in it."""
+    context = study.context
     require_recordings_over_time(study)
     where = f"{context.path}, key model.effects"
     require_valve(study.experiments, f"{context.path}, key recordings")
-    plant = plant_of(context.config.name, model, study.experiments, _intervals(context), where)
+    plant = plant_of(context.config.name, study.identified_model, study.experiments, _intervals(context), where)
     return write_fmu(context.out, plant, where, context.options.get("fmi", "3.0"))
 
 

@@ -39,6 +39,7 @@ from pneucli.simulate.end_stops import with_end_stops
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
 from pneucli.simulate.preparation import prepare
+from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_file import priors_in_model, with_started_supply
 
 LONG_RECORDING_HOURS = 1.0  # h of recordings in all: one run of the model through them takes a second and more
@@ -239,6 +240,11 @@ class PipelineData:
             raise InputError(where, "no recording to train on", wanted, code="E061")
         train = [e for e in self.experiments if e.recording.use == "train"]
         return guess_base_model(train, self.rig, self.valve)
+
+    @cached_property
+    def identified_model(self) -> Model:
+        """The model that ``identify`` wrote."""
+        return load_model(self.context.artifacts / "identify", self.rig, self.effects)
 
     def residual_models(self, use: str) -> list[ResidualModel]:
         """The recordings of one use, one subsystem at a time; the same for every stage, so that they fit one model."""

@@ -33,7 +33,7 @@ from pneucli.stages.control_laws import (
     write_runs,
 )
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import load_model, parameter_intervals
+from pneucli.stages.model_file import parameter_intervals
 from pneucli.stages.pipeline_data import PipelineData
 
 REST_TOLERANCE_RATIO = (
@@ -57,7 +57,7 @@ def run(context: Context) -> dict[str, Any]:
 
 
 def _open_loop_runs(study: PipelineData) -> list[OpenLoopRun]:
-    model = load_model(study.context.artifacts / "identify", study.rig, study.effects)
+    model = study.identified_model
     stated = study.context.config.scenarios
     if not stated:
         return default_free_runs(model, study.experiments)
@@ -91,7 +91,7 @@ def with_closed_loop(study: PipelineData, answer: Answer) -> Answer:
         return answer
     folder, designed = context.artifacts / "design", context.answers["design"]
     controller, bench = selected_controller(folder, designed), closed_loop_setup(designed)
-    model = load_model(context.artifacts / "identify", study.rig, study.effects)
+    model = study.identified_model
     tables = context.config.scenarios
     if scenarios := closed_loop_scenarios(context, study.recordings, controller):
         pair = {"compensated": controller, "pid_alone": load_controller(folder, "pid")}

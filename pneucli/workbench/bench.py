@@ -105,7 +105,7 @@ class Bench:
                 config = pipeline.load(pipeline.path)
                 context = Context(pipeline.path, config, pipeline.artifacts, pipeline.artifacts, answers=answers)
                 with axis_motion(rotary=config.rotary):
-                    self.live = LiveModel(PipelineData(context), pipeline.artifacts, answers, self.live)
+                    self.live = LiveModel(PipelineData(context), answers, self.live)
         except InputError as error:
             self.problem = str(error)
 

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,6 @@ from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model, has_parameter, parameter_value, with_effect, with_parameters
 from pneucli.simulate.outputs import simulate_outputs
 from pneucli.simulate.rig_quantities import rig_quantities
-from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from pneucli.workbench.prediction import (
     Interval,
@@ -79,7 +77,6 @@ class LiveModel:
 
     Args:
         data: The pipeline's rig, recordings and effects.
-        artifacts: The folder of the artifacts.
         answers: The answers of ``compare`` and, where there is one, ``diagnose``.
         former: The model before; its recordings are kept where they are the same.
 
@@ -88,11 +85,10 @@ class LiveModel:
     def __init__(
         self,
         data: PipelineData,
-        artifacts: Path,
         answers: Mapping[str, Mapping[str, Any]],
         former: LiveModel | None = None,
     ) -> None:
-        self.model = load_model(artifacts / "identify", data.rig, data.effects)
+        self.model = data.identified_model
         self.rotary = data.context.config.rotary
         self._prepared_from = data.data_digest, replace(data.rig, priors={})
         self.experiments: dict[str, Experiment]

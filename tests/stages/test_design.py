@@ -19,7 +19,6 @@ from pneucli.messages.simulate import Answer
 from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.stages import control_laws, design, export, simulate
 from pneucli.stages.control_laws import load_controller, selected_controller
-from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.chain import known_as_declared
 from tests.stages.conftest import DEMO
@@ -170,7 +169,7 @@ def test_the_closed_loop_on_the_identified_model_does_what_issue_and_checks_ask(
 
 def test_a_study_draws_no_effect_of_a_part_that_the_rig_has_not(designed: Demo) -> None:
     study = PipelineData(context_of(designed, "simulate"))
-    model = load_model(designed[0] / "identify", study.rig, study.effects)
+    model = study.identified_model
     drawn = {e.name for e in simulate.effects_to_draw(study, model)}
     assert {"valve-lag", "valve-deadband", "line-delay"} <= drawn
     assert not {"switching-time", "pressure-control", "pump-flow", "chamber-leak:2"} & drawn

@@ -16,7 +16,6 @@ from pneucli.io.artifacts import read_table
 from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.recording import Rig
 from pneucli.stages import export
-from pneucli.stages.model_file import load_model
 from pneucli.stages.pipeline_data import PipelineData
 from tests.stages.conftest import DEMO
 
@@ -69,8 +68,8 @@ def test_one_interval_of_c_stands_everywhere(demo: Demo) -> None:
 def test_the_rig_is_set_to_what_was_identified(demo: tuple[Path, dict[str, Any]]) -> None:
     out, answers = demo
     study = PipelineData(Context(DEMO, load(DEMO), out, out, answers=answers))
-    model = load_model(out / "identify", study.rig, study.effects)
-    bench = exam_rig(study, model)
+    model = study.identified_model
+    bench = exam_rig(study)
     par = bench.parameters
     assert (par.coulomb, par.stroke, par.supply) == (
         model.values["friction.coulomb"],
@@ -90,8 +89,7 @@ def test_a_rig_that_the_exams_cannot_be_is_refused(
 ) -> None:
     out, answers = demo
     study = PipelineData(Context(DEMO, load(DEMO), out, out, answers=answers))
-    model = load_model(out / "identify", study.rig, study.effects)
     other: Rig = replace(study.rig, valve_kind="switching")
     monkeypatch.setitem(study.__dict__, "rig", other)
     with pytest.raises(InputError, match="switching"):
-        exam_rig(study, model)
+        exam_rig(study)
