@@ -1,12 +1,15 @@
-"""Laws that the numbers of a controller keep, and what is asked for and refused before there are any."""
+"""The numbers of a controller: laws that they keep, what is refused, all as stored, and what effects change."""
 
+import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from pneucli.controller.parameters import Controller
 from pneucli.design import cascade_design
 from pneucli.design.bandwidths import (
     LOAD_OBSERVER_RATIO,
@@ -14,13 +17,21 @@ from pneucli.design.bandwidths import (
     Bandwidths,
     Timing,
     chamber_2_pressure,
+    choose_bandwidths,
     controller_gains,
 )
-from pneucli.design.cascade_design import inverse_table
+from pneucli.design.cascade_design import design_cascade, inverse_table
+from pneucli.design.effect_compensation import has_restoring_force, moving_mass, restoring_force
 from pneucli.design.requirements import Requirements, read_requirements
 from pneucli.errors import InputError
+from pneucli.physics.declaration import Effect, Parameter
+from pneucli.physics.effects import catalogue
+from pneucli.simulate.model import Model
 from pneucli.simulate.valve_forms import ValveArea
+from pneucli.stages.control_laws import valve_warnings
 from tests.design import axis
+from tests.simulate.synthetic_experiments import model, typical_values
+from tests.stored import hold_rows_against
 
 MODEL = axis.model()
 PLAIN = Requirements()
@@ -148,3 +159,107 @@ def test_a_requirement_that_cannot_be_read_says_how_to_mend_it(table: dict[str, 
 @pytest.mark.parametrize("period", ["10 us", "1 s"])
 def test_the_longest_and_the_shortest_period_are_allowed(period: str) -> None:
     assert read_requirements({"period": period}, "here").period in (1e-5, pytest.approx(1e-5), 1.0)
+
+
+# --- the numbers of a controller, as stored, and how each situation of axis, effects and requirements changes them
+
+
+STORED = Path(__file__).parent / "stored" / "numbers.json"
+
+
+def model_of(row: dict[str, Any]) -> Model:
+    """The axis with the effects, parameters, rig and valve of a row."""
+    base, values = axis.model(), row.get("values", {})
+    names = {name.partition(".")[0] for name in values} | {e.name for e in base.effects}
+    effects = tuple(catalogue()[name] for name in sorted(names & catalogue().keys() - set(row.get("without", ()))))
+    rig = replace(axis.RIG, **row.get("rig", {}))
+    valve = ValveArea(*(tuple(part) for part in row["valve"])) if "valve" in row else base.valve
+    return replace(base, rig=rig, valve=valve, effects=effects).with_values(values)
+
+
+def told(row: dict[str, Any]) -> dict[str, float]:
+    """All numbers of its controller, of tables a few, and the corners of loops that predict or do not."""
+    model, wanted = model_of(row), replace(axis.REQUIREMENTS, **row.get("requirements", {}))
+    made: Controller = design_cascade(model, wanted, row.get("sealed", axis.SEALED))
+    found = dict(made.values)
+    for name, table in made.tables().items():
+        found |= {f"{name} mean": np.mean(table), f"{name} end": table[-1], f"{name} way": np.abs(np.diff(table)).sum()}
+    for predicted in (True, False):
+        corners = vars(choose_bandwidths(model, wanted, made.values, predicted=predicted))
+        found |= {f"{name}{'' if predicted else ', unpredicted'}": corner for name, corner in corners.items()}
+    return {name: float(f"{round(float(one), 15):.6g}") for name, one in found.items()}
+
+
+def test_the_numbers_of_each_situation_are_as_stored() -> None:
+    usual = told({})
+
+    def gives(row: dict[str, Any]) -> dict[str, float]:
+        found = told(row)
+        return {name: one for name, one in found.items() if one != usual[name] or row.keys() <= {"gives"}}
+
+    hold_rows_against(STORED, gives, rel=1e-4)
+
+
+def test_each_row_changes_what_a_controller_is_given() -> None:
+    rows = json.loads(STORED.read_text(encoding="utf-8"))
+    assert all(row["gives"] for row in rows)
+
+
+# --- the controller takes what it knows of the effects from the ports where they enter, a user's own included
+
+
+def with_(name: str, **values: float) -> Model:
+    added = replace(model(), effects=(catalogue()[name],))
+    return added.with_values({f"{name}.{key}": value for key, value in values.items()})
+
+
+def payload(mass: float) -> float:
+    return mass
+
+
+OWN = Effect(
+    name="my-payload",
+    title="A payload",
+    part="cylinder",
+    parameters=(Parameter("mass", "kg", 0.0, 0.0, 100.0, (1.0,)),),
+    ports={"mass": payload},
+    equation="",
+    looks_like="",
+    shows_over="a",
+    twins=(),
+    separate="",
+    source="",
+)
+
+
+def test_a_mass_counts_whatever_the_effect_is_called():
+    own = replace(model(), effects=(OWN,)).with_values({"my-payload.mass": 3.0})
+    bare = model().base_values()["rig.moving_mass"]
+    assert moving_mass(own) == pytest.approx(bare + 3.0)
+    assert moving_mass(with_("extra-mass", mass=3.0)) == moving_mass(own)
+
+
+def test_springs_and_weights_pull_toward_the_start_of_the_stroke() -> None:
+    spring = with_("spring-force", stiffness=1000.0, rest_position=-0.05)
+    assert restoring_force(spring, np.array([0.0, 0.1])) == pytest.approx([50.0, 150.0])
+    assert has_restoring_force(spring)
+    assert has_restoring_force(with_("constant-force", force=20.0))
+    assert not has_restoring_force(model())
+    assert not has_restoring_force(
+        with_("spring-force", stiffness=1000.0, rest_position=0.01)
+    )  # pushes outward at the start
+
+
+def test_a_design_for_a_valve_that_opens_or_shuts_says_that_it_has_no_pulses() -> None:
+    timed = model(["switching-time"], {"switching-time.open": 0.021, "switching-time.close": 0.031})
+    (told,) = valve_warnings(timed)
+    assert "pulses, which are not designed" in told
+    assert "dead times of up to 0.031 s, 0.010 s of it unpredicted" in told
+    assert valve_warnings(model()) == []
+
+
+@pytest.mark.parametrize("name", ["pressure-control", "pump-flow"])
+def test_a_design_for_a_command_that_sets_no_area_says_that_its_loops_do_not_hold(name: str) -> None:
+    (told,) = valve_warnings(model([name], typical_values([catalogue()[name]])))
+    assert told.startswith("the laws ask the valve for an area, which its command does not set")
+    assert name in told

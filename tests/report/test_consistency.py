@@ -1,6 +1,7 @@
-"""One colour, one label and one count for one thing, on every chapter of the page."""
+"""One colour, one label and one count for one thing, in every chapter and on the page of a plan."""
 
 import re
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,13 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pneucli.closed_loop.metrics import Metrics
 from pneucli.figure import read
 from pneucli.messages import diagnose, envelope
+from pneucli.messages.plan import Answer
+from pneucli.plan.bench import Outcome
+from pneucli.plan.power import Difference, Prediction
 from pneucli.report import figure, overview
-from pneucli.report.page_elements import ZOOM_HINT, Figure, Grid
-from pneucli.report.report_data import ReportData, Table
+from pneucli.report.page_elements import ZOOM_HINT, Cell, Figure, Grid, Section, ZoomPlot
+from pneucli.report.plan_page import plan_page
+from pneucli.report.report_data import Check, ReportData, Table
+from pneucli.report.sections.closed_loop import METRIC_TITLES
+from pneucli.report.sections.closed_loop import section as closed_loop
 from pneucli.report.sections.error_location import _states
+from pneucli.report.sections.robustness import section as robustness
 from pneucli.report.thesis import figures as thesis_laws
+from tests.messages.stored_calls import stored
 from tests.report.bench import fallen, whole
 
 # the package has sections of the same names
@@ -135,3 +145,80 @@ def test_the_curves_before_and_after_an_effect_have_the_colours_of_their_models(
         found = diagnosis.section(report)
         shapes = [part.svg for part in found.parts if isinstance(part, Figure) and "before and after" in part.caption]
         assert {colour for svg in shapes for colour in known if colour in svg} == wanted
+
+
+# --- closed loop and robustness: the figures of both controllers side by side, the harmful effects first
+
+
+def texts(grid: Grid) -> dict[str, list[str]]:
+    rows = [[c.text if isinstance(c, Cell) else c for c in row] for row in grid.rows]
+    return {name: cells for name, *cells in rows}
+
+
+def grids(section: Section | None) -> list[Grid]:
+    assert section is not None
+    return [part for part in section.parts if isinstance(part, Grid)]
+
+
+def test_every_figure_of_the_design_has_a_title() -> None:
+    assert set(METRIC_TITLES) == set(Metrics.__annotations__)
+
+
+def test_the_chapter_has_the_checks_of_design_and_simulation(material: ReportData) -> None:
+    failed = Check("simulate.closed_loop.steps.steady_um", "max 3", 4.0, "FAILED")
+    found = grids(closed_loop(replace(material, checks=[*material.checks, failed])))
+    assert list(texts(found[0])) == [failed.path]
+
+
+def test_a_second_valve_has_its_panel(material: ReportData) -> None:
+    table = material.table("simulate/closed_loop")
+    driven = replace(table, columns={**table.columns, "u2": table["u"]})
+    section = closed_loop(replace(material, tables={**material.tables, "simulate/closed_loop": driven}))
+    assert section is not None
+    (zoom,) = (part for part in section.parts if isinstance(part, ZoomPlot))
+    assert "command of the second valve" in [panel.title for panel in zoom.runs[0].panels]
+
+
+def test_without_a_study_there_is_no_robustness(material: ReportData) -> None:
+    answers = {**material.answers, "simulate": {"open_loop": []}}
+    assert robustness(replace(material, answers=answers)) is None
+
+
+# --- the page of a plan: drawings that a person can read, and where each rival shows most
+
+
+RECORDING, ANSWER = (stored("plan")["answers"][f"answer {k}"] for k in (1, 2))
+TIME = 1e-3 * np.arange(3000)
+
+
+def page(differences: dict[str, Difference], **more: Any) -> str:
+    answer: dict[str, Any] = ANSWER | {"seconds": 8.0, "expected": [], "rivals": [], "manual": [], "refused": []}
+    answer |= {"recordings": [RECORDING]} | more
+    readings = {"x_ref": 0.1 + 0.0 * TIME, "x": 0.1 + 0.0 * TIME, "p1": 3e5 + TIME}
+    outcome = Outcome(TIME, readings, readings["p1"], readings["p1"], readings["x"], 0.0 * TIME)
+    return plan_page(
+        read(Answer, answer), [Prediction(outcome, np.zeros((0, 0)), differences)] * len(answer["recordings"])
+    )
+
+
+@pytest.mark.parametrize("size", [0.5, 5.0, 500.0])
+def test_the_axis_of_the_differences_has_plain_numbers(size: float) -> None:
+    made = page({"leak": Difference("p1", size * np.sin(TIME))})
+    assert "leak (p1)" in made
+    assert "mathdefault" not in made
+
+
+def test_each_rival_has_the_recording_that_shows_it_most() -> None:
+    expected = [
+        {"effect": "leak", "rival": "without leak", "probability_before": 0.2, "power": 0.9},
+        {"effect": "lag", "rival": "lag", "probability_before": None, "power": 0.0},  # no bench shows it
+    ]
+    recordings = [
+        RECORDING | {"name": f"plan_{i}", "times_noise": {"leak": size}} for i, size in ((1, 2.0), (2, 7.5), (3, 1.0))
+    ]
+    made = page({}, rivals=[{"name": "best model"}], expected=expected, recordings=recordings)
+    row = made[made.index("without leak") :]
+    assert [row.index(text) for text in ("20 %", "90 %", "7.5", "plan_2")] == sorted(
+        row.index(text) for text in ("20 %", "90 %", "7.5", "plan_2")
+    )
+    assert "1 of 2" in made
