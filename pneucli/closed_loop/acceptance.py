@@ -46,7 +46,8 @@ def limiting_cause(
     """
     c = controller.values
     if demand == "settling_time":
-        distance, shortest = _longest_step(scenarios), min_travel_time(c, _longest_step(scenarios))
+        distance = max(float(np.max(np.abs(np.diff(s.reference)), initial=0.0)) for s in scenarios)
+        shortest = distance / reachable_speed_and_gradient(c)[0]  # the least time, at the largest speed of the valve
         if limit < shortest:
             return "travel-time", {"distance": distance, "time": shortest}
     if demand == "tracking_error":
@@ -60,11 +61,6 @@ def limiting_cause(
         if limit < resolvable:
             return "resolution", {"resolvable": resolvable}
     return "", {}
-
-
-def min_travel_time(c: Mapping[str, float], distance: float) -> float:
-    """Return the least time in s of a distance in m, at the largest speed of the valve."""
-    return distance / reachable_speed_and_gradient(c)[0]
 
 
 def max_load_stiffness(c: Mapping[str, float]) -> float:
@@ -96,10 +92,6 @@ def min_air_stiffness(c: Mapping[str, float]) -> float:
     p1 = (c["C_AREA_2"] * p2 + (c["C_AREA_1"] - c["C_AREA_2"]) * c["C_AMBIENT"]) / c["C_AREA_1"]
     one, two = stiffness_per_pressure(c, x)
     return float(np.min(p1 * one + p2 * two))
-
-
-def _longest_step(scenarios: Sequence[Scenario]) -> float:
-    return max(float(np.max(np.abs(np.diff(s.reference)), initial=0.0)) for s in scenarios)
 
 
 def _fastest(scenario: Scenario, period: float) -> float:

@@ -192,12 +192,9 @@ def _description(key: Key) -> dict[str, Any]:
 
 
 def _object(own: list[Key]) -> dict[str, Any]:
-    properties = {key.name: _description(key) | _schema_choices(key) for key in own}
+    choices = {key.name: {"enum": [*map(parse_toml_value, key.choices)]} for key in own if key.choices}
+    properties = {key.name: _description(key) | choices.get(key.name, {}) for key in own}
     return {"type": "object", "properties": properties, "additionalProperties": False}
-
-
-def _schema_choices(key: Key) -> dict[str, Any]:
-    return {"enum": [parse_toml_value(one) for one in key.choices]} if key.choices else {}
 
 
 def parse_toml_value(text: str) -> Any:

@@ -108,7 +108,7 @@ class _Problem:
     """The normalised LMIs with the rate as a parameter, compiled once."""
 
     def __init__(self, A: Array, B: Array, x0: Array) -> None:
-        self._cp = cp = _cvxpy()
+        self._cp = cp = library_of_extra("cvxpy", "lmi", "the LMI design")  # slow to import
         count, n, m = B.shape
         self._X = X = cp.Variable((n, n), symmetric=True)
         self._M = M = [cp.Variable((m, n)) for _ in range(count)]
@@ -153,10 +153,6 @@ def _worst_pole(A: Array, B: Array, F: Array) -> float:
     pairs = [(r, q) for r in range(len(A)) for q in range(r, len(A))]
     loops = [0.5 * (A[r] - B[r] @ F[q] + A[q] - B[q] @ F[r]) for r, q in pairs]
     return max(float(np.linalg.eigvals(loop).real.max()) for loop in loops)
-
-
-def _cvxpy() -> Any:
-    return library_of_extra("cvxpy", "lmi", "the LMI design")  # slow to import
 
 
 GRID_SHAPE = (201, 41)  # speeds, positions

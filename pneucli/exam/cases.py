@@ -406,7 +406,8 @@ def draw_stated_rig(
     conditions_rng: np.random.Generator,
 ) -> tuple[Parameters, Parameters, tuple[str, ...]]:
     """Return the usual rig, the rig that the pipeline file describes, and the effects that this file names."""
-    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and conditions.allows_linear))
+    may_be_linear = conditions.allows("valve-deadband")
+    linear = kind == "axis" and ("valve-deadband" in hidden or (rng.random() < 0.15 and may_be_linear))
     friction = ("stribeck",) if kind == "axis" and "stribeck" not in hidden and rng.random() < 0.25 else ()
     base = draw_rig(kind, linear, rng)
     stated_rig, loads = draw_variant(base, kind, conditions, conditions_rng)
@@ -442,17 +443,14 @@ def draw_sensors(
     conditions: Conditions, similar: RigScaling, rng: np.random.Generator, conditions_rng: np.random.Generator
 ) -> Sensors:
     """Draw the sensors of a rig of this size."""
-    usual = Sensors(float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8])), _mains_hum(rng))
+    noise, pole = float(rng.choice([250.0, 400.0, 800.0])), float(rng.choice([0.0, 0.5, 0.8]))
+    usual = Sensors(noise, pole, hum=float(rng.choice([0.0, rng.uniform(140.0, 200.0)])))
     if conditions.imposed:
         usual = replace(usual, force=float(rng.uniform(0.1, 0.4)))
     if conditions.encoder:
         usual = replace(usual, position_step=float(conditions_rng.choice(ENCODER_STEPS)))
     sensors = replace(usual, bits=conditions.bits, drift=conditions.drift, outliers=conditions.outliers)
     return replace(similar.scale_sensors(sensors), rate=conditions.rate)
-
-
-def _mains_hum(rng: np.random.Generator) -> float:
-    return float(rng.choice([0.0, rng.uniform(140.0, 200.0)]))
 
 
 def draw_vessel(similar: RigScaling, rng: np.random.Generator) -> float:

@@ -128,11 +128,6 @@ class Conditions:
         """Whether every case has a disturbance that no effect of the catalogue explains."""
         return self.messy or self.drift > 0.0 or (self.source is not None and not self.source_stated)
 
-    @property
-    def allows_linear(self) -> bool:
-        """Whether the valve may be described by one gain."""
-        return self.allows("valve-deadband")
-
     def allows(self, effect: str) -> bool:
         """Whether the effect may be hidden under these conditions."""
         under = ALL_BY_NAME[effect].under

@@ -267,7 +267,8 @@ class Laboratory:
             if take.is_imposed:
                 return text + 'imposed = "motion"\nchamber_2 = "open"\n'
             follows = self.parameters.arrangement != ONE_CHAMBER
-            state = "open" if _chamber_2_is_open(take.excitation) else "valve" if follows else "closed"
+            is_open = not isinstance(take.excitation, Excitation) or take.excitation.chamber_2_open
+            state = "open" if is_open else "valve" if follows else "closed"
             known = f'force = "{take.weight:.4g} N"\n' if take.weight else ""
             return text + f'chamber_2 = "{state}"\n' + known
         clock = () if take.experiment == "flow" else ("time",)
@@ -282,10 +283,6 @@ class Laboratory:
         if self.supply_start is not None and self.source is None:  # of a pump, from its data sheet
             known = f'\n[model.parameters]\n"rig.supply_pressure" = {{ start = "{self.supply_start / 1e5:.1f} bar" }}\n'
         return f'[model]\neffects = [{effects}]\n{valve}{known}\n[compare]\nhorizon = "{horizon}"\n'
-
-
-def _chamber_2_is_open(manoeuvre: Excitation | MotionMachine | SteadyRows) -> bool:
-    return not isinstance(manoeuvre, Excitation) or manoeuvre.chamber_2_open
 
 
 def _number(value: float, decimals: int) -> str:

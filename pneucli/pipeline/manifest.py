@@ -173,12 +173,9 @@ def stale_reasons(before: Manifest | None, now: Inputs, outputs: Mapping[str, St
     why += _first_reasons([f"{_change_word(was.files, now.files, name)} {name}" for name in _changed(*shas)])
     why += [f"{name} is stale" for name in _changed(was.parents, now.parents)]
     why += [f"other option --{name}" for name in _changed(was.options, now.options)]
-    broken = [name for name, as_written in before.outputs.items() if not _same(outputs.get(name), as_written)]
+    found = {name: stamp.sha256 for name, stamp in outputs.items()}
+    broken = [name for name, as_written in before.outputs.items() if found.get(name) != as_written.sha256]
     return (*why, *_first_reasons([f"its file {name} is missing or was changed" for name in broken]))
-
-
-def _same(now: Stamp | None, before: Stamp) -> bool:
-    return now is not None and now.sha256 == before.sha256
 
 
 def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

@@ -10,7 +10,6 @@ from pneucli.identify.estimation.score_test import initial_guesses
 from pneucli.identify.guesses.valve_areas import LOOP_BAND
 from pneucli.identify.residuals import ResidualModel, residual_models
 from pneucli.physics.declaration import BASE_PARAMETERS, Effect
-from pneucli.physics.scales import RigQuantities
 from pneucli.plan.bench import Bench
 from pneucli.plan.limits import Limits
 from pneucli.plan.manoeuvres import candidate_manoeuvres
@@ -64,13 +63,9 @@ def _base_model(rig: Rig, benches: Sequence[Bench], valve: str) -> Model:
     names = ["friction.coulomb", "friction.viscous"]
     names += ["rig.moving_mass"] if rig.moving_mass is None else []
     names += [n for n in ("rig.dead_volume_1", "rig.dead_volume_2") if getattr(rig, n.removeprefix("rig.")) is None]
-    values |= {name: _typical_value(name, quantities) for name in names}
+    values |= {name: BASE_PARAMETERS[name].range_on(quantities).typical[0] for name in names}
     second = replace(_valve("map", area, command), label="valve_2") if rig.arrangement.drives_both else None
     return replace(model, values=values, valve_2=second if valve == "map" else None)
-
-
-def _typical_value(name: str, quantities: RigQuantities) -> float:
-    return BASE_PARAMETERS[name].range_on(quantities).typical[0]
 
 
 def typical_area(rig: Rig) -> float:

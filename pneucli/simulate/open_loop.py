@@ -140,7 +140,7 @@ def run_scenario(
         name = str(table.get("recording", ""))
         require_known([name], experiments, f"{where}.recording", wanted="a recording's name", code="E091")
         return free_run(model, experiments[name], str(table.get("name", name)))
-    experiment = prepare(_scenario_recording(values, model.rig), model.rig, None)
+    experiment = prepare(command_recording(_command(values), values, model.rig), model.rig, None)
     name = str(table.get("name", values["command"]))
     return OpenLoopRun(name, experiment.time, _commands(experiment), simulate_outputs(model, experiment), {})
 
@@ -182,11 +182,6 @@ def _in_si(key: str, value: Any, where: str) -> Any:
             raise InputError(where, f"{value!r} is no list", 'a quantity such as "1 V"', code="E024")
         return [read_quantity(one, "V", where) for one in value]
     return read_quantity(value, UNITS[key], where) if key in UNITS else value
-
-
-def _scenario_recording(values: Mapping[str, Any], rig: Rig) -> Recording:
-    """Return the recording with which a scenario starts: the command over time, and the initial state."""
-    return command_recording(_command(values), values, rig)
 
 
 def command_recording(command: Array, values: Mapping[str, Any], rig: Rig) -> Recording:

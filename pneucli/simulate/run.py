@@ -1,6 +1,6 @@
 """Run a model over an experiment; readings of slow sensors of temperature, and of a force on a clock of its own."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from functools import cache
 from threading import Lock
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneucli.arrays import Array, read_only
 from pneucli.caches import compiled, part
 from pneucli.physics.declaration import Effect
-from pneucli.physics.effects import catalogue_with_sides, with_catalogue
+from pneucli.physics.effects import with_catalogue
 from pneucli.simulate import layout as at
 from pneucli.simulate.build import Kernel, build
 from pneucli.simulate.experiment import OUTPUT_COLUMNS, Experiment
@@ -407,20 +407,3 @@ def base_vector_of(
     if stroke_limits is not None:
         base |= dict(zip(("rig.lower_end", "rig.upper_end"), stroke_limits, strict=True))
     return np.array([base[name] for name in at.BASE_NAMES])
-
-
-def effects_by_name(names: Iterable[str], available: Mapping[str, Effect] | None = None) -> tuple[Effect, ...]:
-    """Return effects by their names.
-
-    Args:
-        names: Names of effects.
-        available: Effects by name; None: the catalogue with its variants.
-
-    Returns:
-        The effects in the order of ``names``.
-
-    Raises:
-        KeyError: A name is unknown.
-    """
-    available = catalogue_with_sides() if available is None else available
-    return tuple(available[name] for name in names)

@@ -1,6 +1,6 @@
 """Diagnosis of a steady bench: which of the catalogue's effects its rows show, and what they say beyond these."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,23 +68,20 @@ def flow_diagnosis(study: PipelineData) -> Answer | None:
     return search.answer()
 
 
-def _effect_at(port: str, effects: Iterable[Effect]) -> Effect | None:
-    """Return the first effect that acts at a port."""
-    return next((effect for effect in effects if port in effect.ports), None)
-
-
 class _Search:
     """Adds the effects that a bench can show, the most significant one first."""
 
     def __init__(self, study: PipelineData, bench: FlowBench) -> None:
         self._study, self._bench = study, bench
         self._present = {effect.name for effect in study.effects}
-        excluded = set(study.excluded_effects)
+        settled = self._present.union(study.excluded_effects)
+        self._absent = [e for name, e in study.available_effects.items() if name not in settled]
         can = {RATIO_PORT: any(p.b.determined for p in bench.paths), LEAK_PORT: bool(closed_paths(bench))}
         self._shown = {port for port, shows in can.items() if shows}
-        self._by_port = {port: _effect_at(port, study.available_effects.values()) for port in can}
+        available = study.available_effects.values()
+        self._by_port = {port: next((effect for effect in available if port in effect.ports), None) for port in can}
         open_effects = [self._by_port[port] for port in can if port in self._shown]
-        self._open = [e.name for e in open_effects if e is not None and e.name not in self._present | excluded]
+        self._open = [e.name for e in open_effects if e is not None and e.name not in settled]
         self._noise = {one.recording.name: one.noise for one in compare_flow(bench, study.flow_recordings)}
         self._rows = sum(path.rows.flow.size for path in bench.paths)
         self.added: list[str] = []
@@ -156,7 +153,7 @@ class _Search:
             verdict=verdict,
             missing=missing,
             ladder=ladder if not impossible else ladder[:1],
-            candidates=[self._candidate(e, missing) for e in study.available_effects.values() if self._is_open(e)],
+            candidates=[self._candidate(e, missing) for e in self._absent],
             unexplained_share=remaining_error_share(errors[0], errors[-1]),
             explained_share=removed_error_share(errors[0], errors[-1]),
             purpose=purpose_of(self._results(shown), context.config.compare.tolerance),
@@ -203,9 +200,6 @@ class _Search:
             self._bench.paths, key=lambda p: abs(p.m.value - ELLIPSE_SUBSONIC_INDEX) if p.m.determined else 0.0
         ).m
         return other_characteristics((worst.value, worst.low, worst.high), best)
-
-    def _is_open(self, effect: Effect) -> bool:
-        return effect.name not in self._present and effect.name not in self._study.excluded_effects
 
     def _parameters(self, name: str) -> dict[str, Figure]:
         effect = self._study.available_effects[name]

@@ -7,7 +7,7 @@ comes back is not kept twice. So the history is whole or as before at every mome
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -60,7 +60,8 @@ def record_model(context: Context, answer: Mapping[str, Any], *artifacts: str) -
 def recorded_models(folder: Path) -> list[ModelRecord]:
     """Return the models of a stage's folder, oldest first."""
     manifest = staleness.read_manifest(folder)
-    found = list(_previous_records(folder / FOLDER))
+    files = sorted((folder / FOLDER).glob(f"*/{ANSWER}"))
+    found = [ModelRecord(json.loads(one.read_text(encoding="utf-8")), one.parent, current=False) for one in files]
     if manifest is not None and manifest.answer is not None:
         found.append(ModelRecord(dict(manifest.answer), folder, current=True))
     return sorted((one for one in found if "number" in one.answer), key=lambda one: one.answer["number"])
@@ -70,11 +71,6 @@ def compared_models(folder: Path) -> list[Model]:
     """Return the models that ``history`` lists, oldest first."""
     found = [one.answer | {"current": one.current} | one.answer["model"] for one in recorded_models(folder)]
     return [read(Model, one) for one in found]
-
-
-def _previous_records(folder: Path) -> Iterator[ModelRecord]:
-    for path in sorted(folder.glob(f"*/{ANSWER}")):
-        yield ModelRecord(json.loads(path.read_text(encoding="utf-8")), path.parent, current=False)
 
 
 def _link_record(one: ModelRecord, folder: Path, files: tuple[str, ...]) -> None:

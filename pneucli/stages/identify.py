@@ -93,7 +93,8 @@ def run(context: Context) -> dict[str, Any]:
     )
     estimates += fixed_parameters(found.model)
     warnings += _unused_prior_warnings(study, found.free)
-    warnings += [_at_bound_warning(e.name, study.rig) for e in found.estimates if e.at_bound]
+    at_bound, stated = [e.name for e in found.estimates if e.at_bound], study.rig.priors
+    warnings += [tell("at-stated-bound" if n in stated else "at-default-bound", name=n) for n in at_bound]
     warnings += _volume_warnings(study.rig, found.estimates)
     friction = _identify_friction(study, model, warnings)
     _write(tables, model, estimates, valves, friction, bench)
@@ -138,10 +139,6 @@ def _smoothing_warnings(experiments: Sequence[Experiment]) -> list[str]:
     imposed = [e for e in experiments if e.recording.imposed and isinstance(e.motion_smoother, PositionSmoother)]
     ratios = [(e.recording.name, e.motion_smoother.noise_ratio(e.noise["x"])) for e in imposed]  # type: ignore[union-attr]
     return [tell("scattered-position", name=name, ratio=ratio) for name, ratio in ratios if ratio > MAX_NOISE_RATIO]
-
-
-def _at_bound_warning(name: str, rig: Rig) -> str:
-    return tell("at-stated-bound" if name in rig.priors else "at-default-bound", name=name)
 
 
 def _volume_warnings(rig: Rig, estimates: Sequence[Estimate]) -> list[str]:

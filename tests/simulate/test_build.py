@@ -15,7 +15,7 @@ from pneucli.simulate import layout as at
 from pneucli.simulate.build import ENTRY_POINTS, Kernel, build
 from pneucli.simulate.experiment import Experiment
 from pneucli.simulate.model import Model
-from pneucli.simulate.run import effects_by_name, kernel_arguments, kernel_for, run
+from pneucli.simulate.run import kernel_arguments, kernel_for, run
 
 from .synthetic_experiments import RIG, held_commands, make_experiment, model, time_grid, typical_values
 
@@ -146,7 +146,7 @@ def test_kernels_are_cached_on_disk_one_file_per_text(tmp_path: Path, monkeypatc
     monkeypatch.setattr(kernels, "_build", kernels._build.__wrapped__)  # as a new process would find it
     for name in [n for n in sys.modules if n.startswith("pneucli_kernel_")]:
         monkeypatch.delitem(sys.modules, name)
-    stribeck, lag = effects_by_name(["stribeck"]), effects_by_name(["valve-lag"])
+    stribeck, lag = ((catalogue()[name],) for name in ("stribeck", "valve-lag"))
     for effects in (stribeck, lag, stribeck):
         build(effects, compiled=False)
     assert len(list((tmp_path / "kernels").glob("*.py"))) == 2

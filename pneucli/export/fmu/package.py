@@ -67,11 +67,6 @@ REAL = {"3.0": "Float64", "2.0": "Real"}  # the type of variables in the descrip
 LIBRARIES = {"CMAKE_C_STANDARD_LIBRARIES:STRING": "-lm"}  # elsewhere math.h is part of the library of C
 
 
-def require_fmpy() -> None:
-    """Raise InputError where FMPy is not installed."""
-    library_of_extra("fmpy", "fmu", "--to fmu", "FMPy")
-
-
 def token_of(sources: Sequence[str]) -> str:
     """Return the instantiation token: it changes with any of the sources."""
     return "{" + hashlib.sha256("\n".join(sources).encode()).hexdigest()[:32] + "}"
@@ -173,7 +168,7 @@ def write_fmu(folder: Path, plant: Plant, where: str, fmi: str = "3.0") -> Plant
     Raises:
         InputError: FMPy is not installed, or an effect has Python without a counterpart in C.
     """
-    require_fmpy()
+    library_of_extra("fmpy", "fmu", "--to fmu", "FMPy")
     variables = variables_of(plant)
     sources = _sources(plant, where, fmi)
     with TemporaryDirectory() as name:

@@ -210,7 +210,7 @@ def all_values(plant: Plant) -> list[Variable]:
         for name, value in zip(at.BASE_NAMES, plant.base, strict=True)
     ]
     named += [
-        (f"{e.name}.{p.name}", p.unit, _title(p), plant.th[f"{e.name}.{p.name}"], _range(p))
+        (f"{e.name}.{p.name}", p.unit, p.title or p.name.replace("_", " "), plant.th[f"{e.name}.{p.name}"], _range(p))
         for e in plant.effects
         for p in e.parameters
     ]
@@ -280,10 +280,6 @@ def _range(parameter: Parameter) -> tuple[float, float]:
     ]
     bounds += [parameter.null] if isinstance(parameter.null, float | int) else []
     return min(bounds), max(bounds)
-
-
-def _title(parameter: Parameter) -> str:
-    return parameter.title or parameter.name.replace("_", " ")
 
 
 def c_tables(plant: Plant) -> str:

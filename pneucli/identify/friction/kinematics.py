@@ -234,12 +234,8 @@ def with_contact(motions: Sequence[Motion], stroke: float | None) -> tuple[Motio
     """
     drives = [_drive(m) for m in motions if np.isfinite(m.x).all()]
     ends, compliance = detect_ends(drives, stroke), end_compliance(drives)
-    return tuple(_with_contact(m, ends, max(m.position_scatter, compliance)) for m in motions)
-
-
-def _with_contact(motion: Motion, ends: tuple[float, float], tolerance: float) -> Motion:
-    contact = contact_side(motion.x, ends, tolerance) != 0.0
-    return replace(motion, contact=contact, valid=motion.valid & ~contact)
+    touching = [contact_side(m.x, ends, max(m.position_scatter, compliance)) != 0.0 for m in motions]
+    return tuple(replace(m, contact=on, valid=m.valid & ~on) for m, on in zip(motions, touching, strict=True))
 
 
 def _drive(m: Motion) -> Drive:
