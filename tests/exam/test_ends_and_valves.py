@@ -20,6 +20,8 @@ from pneucli.exam.rig.simulation import Excitation, command_stamps, simulate_rig
 from pneucli.notebook.run import open_pipeline_of
 from tests.exam.written import columns, rows
 
+pytestmark = pytest.mark.usefixtures("a_quarter")
+
 RIG = Parameters(overlap=0.2, effective_area_2=1.6e-6, overlap_2=0.3, exponent_2=1.2)
 FREE = Parameters(coulomb=0.0, viscous=0.0, stop_damping=0.0)
 
@@ -161,7 +163,6 @@ def test_a_loop_around_both_chambers_follows_its_reference(arrangement):
     assert seen["x"][-1] == pytest.approx(0.14, abs=8e-3)
 
 
-@pytest.mark.usefixtures("a_quarter")
 def test_springs_and_weights_are_in_the_pipeline_file_and_balanced_at_the_start(tmp_path):
     for name, effect in (("return-spring", "spring-force"), ("hanging-load", "constant-force")):
         generate_case(tmp_path / name, "axis", [], "", 1.0, 4, parse(name))
@@ -191,9 +192,6 @@ def test_a_stroke_that_is_not_exact_keeps_the_volume_at_the_other_end():
 
 
 # --- rigs as others have them: what their pipeline files state, and what their recordings contain
-
-
-pytestmark = pytest.mark.usefixtures("a_quarter")
 
 PAR = Parameters()
 VESSEL = Parameters(piston_area_1=0.0, piston_area_2=0.0, dead_volume_1=160e-6)

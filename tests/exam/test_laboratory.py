@@ -37,6 +37,8 @@ from tests.simulate.synthetic_experiments import model
 PAR = Parameters(overlap=0.25, effective_area=2e-6, exponent=1.2)
 RNG = np.random.default_rng
 
+pytestmark = pytest.mark.usefixtures("a_quarter")
+
 
 # --- manoeuvres
 
@@ -159,9 +161,6 @@ def test_a_refusal_names_the_rigs_on_which_an_effect_is_visible(tmp_path: Path) 
 
 
 # --- conditions of an exam: how they are named, what they change, and that each case tells which held
-
-
-pytestmark = pytest.mark.usefixtures("a_quarter")
 
 
 @pytest.mark.parametrize(
