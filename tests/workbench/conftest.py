@@ -4,6 +4,7 @@ import asyncio
 import shutil
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from inspect import iscoroutinefunction, signature
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,22 @@ class Asked:
 
 
 Session = Callable[[Asked], Coroutine[Any, Any, None]]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine with the session that it asks for."""
+    if not iscoroutinefunction(pyfuncitem.obj):
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in signature(pyfuncitem.obj).parameters}
+    given.pop("asked")(lambda asked: pyfuncitem.obj(asked=asked, **given))
+    return True
+
+
+@pytest.fixture
+def asked(session: Callable[[Session], None]) -> Callable[[Session], None]:
+    """What runs a test that is a coroutine, which gets an :class:`Asked`."""
+    return session
 
 
 @pytest.fixture

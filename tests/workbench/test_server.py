@@ -9,7 +9,6 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,9 +30,7 @@ from pneucli.workbench import live_model
 from pneucli.workbench.live_model import gauss_newton_step
 from pneucli.workbench.prediction import MAX_REACH, MAX_SIMULATED, Prediction, Simulated
 from pneucli.workbench.server import listen, pack
-from tests.workbench.conftest import Asked, Session
-
-Start = Callable[[Session], None]
+from tests.workbench.conftest import Asked
 
 
 def unpack(content: bytes) -> tuple[dict[str, Any], list[np.ndarray]]:
@@ -71,53 +68,44 @@ def test_a_curve_has_gaps_at_restarts_where_there_is_room(segments: int, gaps: i
     assert np.count_nonzero(np.isnan(model.values)) == gaps
 
 
-def test_the_errors_of_the_page_are_those_of_compare(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        compared = read_manifest(asked.workbench.bench.artifacts / "compare")
-        assert compared is not None
-        assert compared.answer is not None
-        expected = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in compared.answer["channels"]}
-        status, content = await asked.post("/curves", {"focus": "driven_1", "samples": 100})
-        assert status == 200
-        found = {(one["recording"], one["channel"]): one["ratio"] for one in unpack(content)[0]["errors"]}
-        assert found == pytest.approx(expected)
-        _, overall = await asked.post("/error", {"focus": "driven_1"})
-        assert overall == pytest.approx(compared.answer["error"])
-
-    session(work)
+async def test_the_errors_of_the_page_are_those_of_compare(asked: Asked) -> None:
+    compared = read_manifest(asked.workbench.bench.artifacts / "compare")
+    assert compared is not None
+    assert compared.answer is not None
+    expected = {(c["recording"], c["channel"]): c["ratio_to_noise"] for c in compared.answer["channels"]}
+    status, content = await asked.post("/curves", {"focus": "driven_1", "samples": 100})
+    assert status == 200
+    found = {(one["recording"], one["channel"]): one["ratio"] for one in unpack(content)[0]["errors"]}
+    assert found == pytest.approx(expected)
+    _, overall = await asked.post("/error", {"focus": "driven_1"})
+    assert overall == pytest.approx(compared.answer["error"])
 
 
-def test_the_curves_are_those_that_compare_stored(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        interval = await asked.interval("driven_2")
-        _, content = await asked.post("/curves", {"focus": "driven_2", "interval": interval, "samples": 40_000})
-        head, arrays = unpack(content)
-        table = read_table(asked.workbench.bench.artifacts / "compare" / "residuals.parquet")
-        mine = [(r, c) == ("driven_2", "x") for r, c in zip(table["recording"], table["channel"], strict=True)]
-        titles = [panel["title"] for panel in head["panels"]]
-        before = sum(1 + len(panel["series"]) for panel in head["panels"][: titles.index("x")])
-        shown = arrays[before + 1]
-        np.testing.assert_allclose(shown, 1e3 * np.asarray(table["measured"])[mine], rtol=1e-6)
-
-    session(work)
+async def test_the_curves_are_those_that_compare_stored(asked: Asked) -> None:
+    interval = await asked.interval("driven_2")
+    _, content = await asked.post("/curves", {"focus": "driven_2", "interval": interval, "samples": 40_000})
+    head, arrays = unpack(content)
+    table = read_table(asked.workbench.bench.artifacts / "compare" / "residuals.parquet")
+    mine = [(r, c) == ("driven_2", "x") for r, c in zip(table["recording"], table["channel"], strict=True)]
+    titles = [panel["title"] for panel in head["panels"]]
+    before = sum(1 + len(panel["series"]) for panel in head["panels"][: titles.index("x")])
+    shown = arrays[before + 1]
+    np.testing.assert_allclose(shown, 1e3 * np.asarray(table["measured"])[mine], rtol=1e-6)
 
 
-def test_a_value_by_hand_moves_the_curve_and_the_error(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        _, content = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.coulomb": 25.0}})
-        head, _ = unpack(content)
-        assert max(one["ratio"] for one in head["errors"]) > 3.0
-        labels = {s["label"].partition(",")[0] for panel in head["panels"] for s in panel["series"]}
-        assert {"measured", "fitted", "model"} <= labels
-        status, answer = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.none": 1.0}})
-        assert status == 400
-        assert "friction.none" in answer["error"]
-
-    session(work)
+async def test_a_value_by_hand_moves_the_curve_and_the_error(asked: Asked) -> None:
+    _, content = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.coulomb": 25.0}})
+    head, _ = unpack(content)
+    assert max(one["ratio"] for one in head["errors"]) > 3.0
+    labels = {s["label"].partition(",")[0] for panel in head["panels"] for s in panel["series"]}
+    assert {"measured", "fitted", "model"} <= labels
+    status, answer = await asked.post("/curves", {"focus": "driven_1", "values": {"friction.none": 1.0}})
+    assert status == 400
+    assert "friction.none" in answer["error"]
 
 
-def test_one_step_serves_the_curves_and_the_error_over_all_recordings(
-    session: Start, monkeypatch: pytest.MonkeyPatch
+async def test_one_step_serves_the_curves_and_the_error_over_all_recordings(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps: list[Model] = []
 
@@ -127,194 +115,160 @@ def test_one_step_serves_the_curves_and_the_error_over_all_recordings(
 
     monkeypatch.setattr(live_model, "gauss_newton_step", counted)
 
-    async def work(asked: Asked) -> None:
-        content = {"focus": "driven_1", "effects": ["stribeck"], "step": True}
-        status, _ = await asked.post("/curves", content)
-        assert status == 200
-        _, found = await asked.post("/error", content)
-        _, plain = await asked.post("/error", content | {"step": False})
-        assert found["train"] != plain["train"]
-        assert len(steps) == 1
-        await asked.post("/error", content | {"focus": "driven_2"})
-        assert len(steps) == 2
-
-    session(work)
+    content = {"focus": "driven_1", "effects": ["stribeck"], "step": True}
+    status, _ = await asked.post("/curves", content)
+    assert status == 200
+    _, found = await asked.post("/error", content)
+    _, plain = await asked.post("/error", content | {"step": False})
+    assert found["train"] != plain["train"]
+    assert len(steps) == 1
+    await asked.post("/error", content | {"focus": "driven_2"})
+    assert len(steps) == 2
 
 
-def test_peaks_survive_the_reduction_and_a_window_is_sent_alone(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        begin, end = await asked.interval("driven_1")
-        asked_for = {"focus": "driven_1", "interval": [begin, end]}
-        _, whole = await asked.post("/curves", asked_for | {"samples": 40_000})
-        _, few = await asked.post("/curves", asked_for | {"samples": 200})
-        _, window = await asked.post("/curves", {"focus": "driven_1", "interval": [begin + 1.0, begin + 2.0]})
-        assert len(few) < 0.2 * len(whole)
-        (_, full), (_, reduced) = unpack(whole), unpack(few)
-        for a, b in zip(full, reduced, strict=True):
-            if np.isfinite(a).any():
-                # the curve of the model lies between the peaks of measurement and residual
-                assert np.nanmax(b) == pytest.approx(float(np.nanmax(a)), abs=0.02 * float(np.nanmax(a) - np.nanmin(a)))
-        head, arrays = unpack(window)
-        assert all(begin + 0.9 <= panel["start"] <= begin + 1.0 for panel in head["panels"])
-        assert arrays[0][-1] + head["panels"][0]["start"] == pytest.approx(begin + 2.0, abs=0.05)
-        assert end > begin + 2.5
-
-    session(work)
+async def test_peaks_survive_the_reduction_and_a_window_is_sent_alone(asked: Asked) -> None:
+    begin, end = await asked.interval("driven_1")
+    asked_for = {"focus": "driven_1", "interval": [begin, end]}
+    _, whole = await asked.post("/curves", asked_for | {"samples": 40_000})
+    _, few = await asked.post("/curves", asked_for | {"samples": 200})
+    _, window = await asked.post("/curves", {"focus": "driven_1", "interval": [begin + 1.0, begin + 2.0]})
+    assert len(few) < 0.2 * len(whole)
+    (_, full), (_, reduced) = unpack(whole), unpack(few)
+    for a, b in zip(full, reduced, strict=True):
+        if np.isfinite(a).any():
+            # the curve of the model lies between the peaks of measurement and residual
+            assert np.nanmax(b) == pytest.approx(float(np.nanmax(a)), abs=0.02 * float(np.nanmax(a) - np.nanmin(a)))
+    head, arrays = unpack(window)
+    assert all(begin + 0.9 <= panel["start"] <= begin + 1.0 for panel in head["panels"])
+    assert arrays[0][-1] + head["panels"][0]["start"] == pytest.approx(begin + 2.0, abs=0.05)
+    assert end > begin + 2.5
 
 
-def test_all_recordings_stand_on_one_axis_with_gaps_between_them(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        _, state = await asked.get("/state")
-        places = {one["name"]: one["place"] for one in state["recordings"]}
-        uses = [one["use"] for one in state["recordings"]]
-        assert uses == sorted(uses)  # "test" before "train"
-        ends = [time for one in places.values() for time in (one["begin"], one["end"])]
-        assert ends == sorted(ends)
-        assert len(places) > 2
-        _, content = await asked.post("/curves", {"focus": "driven_1", "samples": 2000})
-        head, arrays = unpack(content)
-        position = next(i for i, panel in enumerate(head["panels"]) if panel["title"] == "x")
-        before = sum(1 + len(panel["series"]) for panel in head["panels"][:position])
-        time, measured = arrays[before] + head["panels"][position]["start"], arrays[before + 1]
-        assert (np.diff(time) >= 0.0).all()
-        for one in places.values():
-            inside = (time >= one["begin"] - 1e-3) & (time <= one["end"] + 1e-3)
-            assert np.isfinite(measured[inside]).sum() > 100
-        firsts = np.searchsorted(time, [one["begin"] - 1e-3 for one in list(places.values())[1:]])
-        assert np.isnan(measured[firsts - 1]).all()  # no line leads from one recording to the next
-
-    session(work)
+async def test_all_recordings_stand_on_one_axis_with_gaps_between_them(asked: Asked) -> None:
+    _, state = await asked.get("/state")
+    places = {one["name"]: one["place"] for one in state["recordings"]}
+    uses = [one["use"] for one in state["recordings"]]
+    assert uses == sorted(uses)  # "test" before "train"
+    ends = [time for one in places.values() for time in (one["begin"], one["end"])]
+    assert ends == sorted(ends)
+    assert len(places) > 2
+    _, content = await asked.post("/curves", {"focus": "driven_1", "samples": 2000})
+    head, arrays = unpack(content)
+    position = next(i for i, panel in enumerate(head["panels"]) if panel["title"] == "x")
+    before = sum(1 + len(panel["series"]) for panel in head["panels"][:position])
+    time, measured = arrays[before] + head["panels"][position]["start"], arrays[before + 1]
+    assert (np.diff(time) >= 0.0).all()
+    for one in places.values():
+        inside = (time >= one["begin"] - 1e-3) & (time <= one["end"] + 1e-3)
+        assert np.isfinite(measured[inside]).sum() > 100
+    firsts = np.searchsorted(time, [one["begin"] - 1e-3 for one in list(places.values())[1:]])
+    assert np.isnan(measured[firsts - 1]).all()  # no line leads from one recording to the next
 
 
-def test_only_effects_that_the_recordings_can_show_are_offered(session: Start) -> None:
+async def test_only_effects_that_the_recordings_can_show_are_offered(asked: Asked) -> None:
     """A measured force tells friction; a valve it has none of, and leaks change no reading of it."""
-
-    async def work(asked: Asked) -> None:
-        _, state = await asked.get("/state")
-        offered = {one["name"] for one in state["effects"]}
-        assert {"stribeck", "presliding", "friction-asymmetry"} <= offered
-        assert not {"opening-leak", "piston-leak", "pump-flow", "valve-lag"} & offered
-
-    session(work)
+    _, state = await asked.get("/state")
+    offered = {one["name"] for one in state["effects"]}
+    assert {"stribeck", "presliding", "friction-asymmetry"} <= offered
+    assert not {"opening-leak", "piston-leak", "pump-flow", "valve-lag"} & offered
 
 
-def test_adding_an_effect_does_what_the_command_does_and_is_undone_to_the_letter(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        bench = asked.workbench.bench
-        before = bench.file.read_bytes()
-        seen = {"version": bench.version}
-        status, _ = await asked.post("/command", {"action": "add", "names": ["stribeck"], **seen})
-        assert status == 200
-        await asked.idle()
-        _, state = await asked.get("/state")
-        assert state["command"]["line"] == "pneucli add pipeline.toml stribeck"
-        assert not state["command"]["failed"], state["command"]["text"]
-        assert "added stribeck" in state["command"]["text"]
-        assert b"# measurements of one rig" in bench.file.read_bytes()
-        assert load(bench.file).model.effects == ["stribeck"]
-        assert [one["effects"] for one in state["ladder"]] == [[], ["stribeck"]]
-        assert [one["name"] for one in state["effects"] if one["in_model"]] == ["stribeck"]
-        assert state["undo"]["line"] == "pneucli remove pipeline.toml stribeck"
+async def test_adding_an_effect_does_what_the_command_does_and_is_undone_to_the_letter(asked: Asked) -> None:
+    bench = asked.workbench.bench
+    before = bench.file.read_bytes()
+    seen = {"version": bench.version}
+    status, _ = await asked.post("/command", {"action": "add", "names": ["stribeck"], **seen})
+    assert status == 200
+    await asked.idle()
+    _, state = await asked.get("/state")
+    assert state["command"]["line"] == "pneucli add pipeline.toml stribeck"
+    assert not state["command"]["failed"], state["command"]["text"]
+    assert "added stribeck" in state["command"]["text"]
+    assert b"# measurements of one rig" in bench.file.read_bytes()
+    assert load(bench.file).model.effects == ["stribeck"]
+    assert [one["effects"] for one in state["ladder"]] == [[], ["stribeck"]]
+    assert [one["name"] for one in state["effects"] if one["in_model"]] == ["stribeck"]
+    assert state["undo"]["line"] == "pneucli remove pipeline.toml stribeck"
 
-        stale, answer = await asked.post("/command", {"action": "remove", "names": ["stribeck"], **seen})
-        assert stale == 409
-        assert "has changed" in answer["error"]
+    stale, answer = await asked.post("/command", {"action": "remove", "names": ["stribeck"], **seen})
+    assert stale == 409
+    assert "has changed" in answer["error"]
 
-        first = next(one["number"] for one in state["ladder"] if not one["effects"])
-        _, content = await asked.post("/curves", {"focus": "driven_1", "earlier": first})
-        assert unpack(content)[0]["panels"]
-        status, _ = await asked.post("/undo", {"version": state["version"]})
-        assert status == 200
-        await asked.idle()
-        assert bench.file.read_bytes() == before
-
-    session(work)
+    first = next(one["number"] for one in state["ladder"] if not one["effects"])
+    _, content = await asked.post("/curves", {"focus": "driven_1", "earlier": first})
+    assert unpack(content)[0]["panels"]
+    status, _ = await asked.post("/undo", {"version": state["version"]})
+    assert status == 200
+    await asked.idle()
+    assert bench.file.read_bytes() == before
 
 
-def test_what_another_program_wrote_is_not_undone(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        bench = asked.workbench.bench
-        _, state = await asked.get("/state")
-        fix = {"name": "friction.coulomb", "value": 14.0, "unit": "N", "version": state["version"]}
-        assert (await asked.post("/fix", fix))[0] == 200
-        await asked.idle()
-        assert load(bench.file).model.parameters["friction.coulomb"].fixed == "14 N"
-        text = bench.file.read_text() + "# by hand\n"
-        bench.file.write_text(text)
-        status, answer = await asked.post("/undo", {"version": bench.version})
-        assert status == 409
-        assert "another program" in answer["error"]
-        assert bench.file.read_text() == text
-
-    session(work)
+async def test_what_another_program_wrote_is_not_undone(asked: Asked) -> None:
+    bench = asked.workbench.bench
+    _, state = await asked.get("/state")
+    fix = {"name": "friction.coulomb", "value": 14.0, "unit": "N", "version": state["version"]}
+    assert (await asked.post("/fix", fix))[0] == 200
+    await asked.idle()
+    assert load(bench.file).model.parameters["friction.coulomb"].fixed == "14 N"
+    text = bench.file.read_text() + "# by hand\n"
+    bench.file.write_text(text)
+    status, answer = await asked.post("/undo", {"version": bench.version})
+    assert status == 409
+    assert "another program" in answer["error"]
+    assert bench.file.read_text() == text
 
 
-def test_a_value_that_the_file_cannot_have_leaves_it_as_it_was(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        bench = asked.workbench.bench
-        before = bench.file.read_bytes()
-        wrong = {"name": "friction.none", "value": 14.0, "unit": "N", "version": bench.version}
-        status, answer = await asked.post("/fix", wrong)
-        assert status == 400
-        assert "friction.none" in answer["error"]
-        assert bench.file.read_bytes() == before
-
-    session(work)
+async def test_a_value_that_the_file_cannot_have_leaves_it_as_it_was(asked: Asked) -> None:
+    bench = asked.workbench.bench
+    before = bench.file.read_bytes()
+    wrong = {"name": "friction.none", "value": 14.0, "unit": "N", "version": bench.version}
+    status, answer = await asked.post("/fix", wrong)
+    assert status == 400
+    assert "friction.none" in answer["error"]
+    assert bench.file.read_bytes() == before
 
 
-def test_a_quantity_is_read_with_its_unit(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        assert await asked.post("/quantity", {"text": "12 mm/s", "unit": "m/s"}) == (200, {"value": 0.012})
-        status, answer = await asked.post("/quantity", {"text": "12 bar", "unit": "m/s"})
-        assert status == 400
-        assert "dimension" in answer["error"]
-
-    session(work)
+async def test_a_quantity_is_read_with_its_unit(asked: Asked) -> None:
+    assert await asked.post("/quantity", {"text": "12 mm/s", "unit": "m/s"}) == (200, {"value": 0.012})
+    status, answer = await asked.post("/quantity", {"text": "12 bar", "unit": "m/s"})
+    assert status == 400
+    assert "dimension" in answer["error"]
 
 
-def test_a_cancelled_command_leaves_answers_whole(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        bench = asked.workbench.bench
-        before = {path: path.read_bytes() for path in bench.artifacts.rglob("*.json")}
-        await asked.post("/command", {"action": "diagnose", "version": bench.version})
-        while not bench.runner.running or not bench.runner.last or not bench.runner.last.messages:
-            await asyncio.sleep(0.05)
-        busy, _ = await asked.post("/command", {"action": "fit", "version": bench.version})
-        assert busy == 409
-        await asked.post("/cancel", {})
-        await asked.idle()
-        _, state = await asked.get("/state")
-        assert state["command"]["cancelled"]
-        assert {path: path.read_bytes() for path in before} == before
-
-    session(work)
+async def test_a_cancelled_command_leaves_answers_whole(asked: Asked) -> None:
+    bench = asked.workbench.bench
+    before = {path: path.read_bytes() for path in bench.artifacts.rglob("*.json")}
+    await asked.post("/command", {"action": "diagnose", "version": bench.version})
+    while not bench.runner.running or not bench.runner.last or not bench.runner.last.messages:
+        await asyncio.sleep(0.05)
+    busy, _ = await asked.post("/command", {"action": "fit", "version": bench.version})
+    assert busy == 409
+    await asked.post("/cancel", {})
+    await asked.idle()
+    _, state = await asked.get("/state")
+    assert state["command"]["cancelled"]
+    assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_page_hears_of_changes_by_another_program(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        page = await asked.client.ws_connect("/events?token=the-token")
-        assert (await page.receive_str(timeout=5)) == "changed"
-        file = asked.workbench.bench.file
-        file.write_text(file.read_text() + "\n# by hand\n")
-        assert (await page.receive_str(timeout=5)) == "changed"
-        await page.close()
-
-    session(work)
+async def test_a_page_hears_of_changes_by_another_program(asked: Asked) -> None:
+    page = await asked.client.ws_connect("/events?token=the-token")
+    assert (await page.receive_str(timeout=5)) == "changed"
+    file = asked.workbench.bench.file
+    file.write_text(file.read_text() + "\n# by hand\n")
+    assert (await page.receive_str(timeout=5)) == "changed"
+    await page.close()
 
 
-def test_a_broken_file_is_told_and_mended_again(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        file = asked.workbench.bench.file
-        good = file.read_text()
-        file.write_text(good + "[model]\n")
-        status, state = await asked.get("/state")
-        assert status == 200
-        assert "pipeline.toml" in state["broken"]
-        file.write_text(good)
-        _, state = await asked.get("/state")
-        assert "broken" not in state
-
-    session(work)
+async def test_a_broken_file_is_told_and_mended_again(asked: Asked) -> None:
+    file = asked.workbench.bench.file
+    good = file.read_text()
+    file.write_text(good + "[model]\n")
+    status, state = await asked.get("/state")
+    assert status == 200
+    assert "pipeline.toml" in state["broken"]
+    file.write_text(good)
+    _, state = await asked.get("/state")
+    assert "broken" not in state
 
 
 def test_a_taken_port_is_a_clear_line() -> None:
@@ -393,28 +347,25 @@ def test_only_the_last_simulations_are_kept() -> None:
     assert prediction.same("model", {"a": 1.0}, ["another run"]) is None
 
 
-def test_the_errors_are_those_of_the_predicted_curves_also_with_gaps(session: Start) -> None:
-    async def work(asked: Asked) -> None:
-        live = asked.workbench.bench.require_live()
-        found = [live.comparison(live.variant(live_model.Variant({NAME: v}), ""), "driven_1") for v in (9.0, 12.0)]
-        measured = {c: np.where(np.arange(y.size) % 50 == 3, np.nan, y) for c, y in found[0].measured.items()}
-        first, second = (_with(each, measured) for each in found)
-        prediction = Prediction()
-        for value, each in ((9.0, first), (12.0, second)):
-            prediction.keep(Simulated("", {NAME: value}, {"driven_1": each}, 1.0))
-        through = prediction.line("", {NAME: 10.0}, NAME, 0.0, ["driven_1"])
-        assert through is not None
-        tables, results, rows = prediction.tables(through, "driven_1", (-math.inf, math.inf), 40_000)
-        assert results
-        for one in results:
-            curve = first.modelled[one.channel] + (second.modelled[one.channel] - first.modelled[one.channel]) / 3.0
-            recording = first.experiment.recording
-            wanted = channel_result(recording, one.channel, measured[one.channel], curve, one.noise)
-            assert one.ratio_to_noise == pytest.approx(wanted.ratio_to_noise)
-            assert one.fit_percent == pytest.approx(wanted.fit_percent)
-            assert tables[one.channel]["model"] == pytest.approx(curve[rows])
-
-    session(work)
+async def test_the_errors_are_those_of_the_predicted_curves_also_with_gaps(asked: Asked) -> None:
+    live = asked.workbench.bench.require_live()
+    found = [live.comparison(live.variant(live_model.Variant({NAME: v}), ""), "driven_1") for v in (9.0, 12.0)]
+    measured = {c: np.where(np.arange(y.size) % 50 == 3, np.nan, y) for c, y in found[0].measured.items()}
+    first, second = (_with(each, measured) for each in found)
+    prediction = Prediction()
+    for value, each in ((9.0, first), (12.0, second)):
+        prediction.keep(Simulated("", {NAME: value}, {"driven_1": each}, 1.0))
+    through = prediction.line("", {NAME: 10.0}, NAME, 0.0, ["driven_1"])
+    assert through is not None
+    tables, results, rows = prediction.tables(through, "driven_1", (-math.inf, math.inf), 40_000)
+    assert results
+    for one in results:
+        curve = first.modelled[one.channel] + (second.modelled[one.channel] - first.modelled[one.channel]) / 3.0
+        recording = first.experiment.recording
+        wanted = channel_result(recording, one.channel, measured[one.channel], curve, one.noise)
+        assert one.ratio_to_noise == pytest.approx(wanted.ratio_to_noise)
+        assert one.fit_percent == pytest.approx(wanted.fit_percent)
+        assert tables[one.channel]["model"] == pytest.approx(curve[rows])
 
 
 def _with(found: Comparison, measured: dict[str, Any]) -> Comparison:
@@ -426,8 +377,8 @@ def _with(found: Comparison, measured: dict[str, Any]) -> Comparison:
     return replace(found, measured=measured, results=results)
 
 
-def test_a_hand_is_followed_by_a_line_and_simulations_come_after_it(
-    session: Start, monkeypatch: pytest.MonkeyPatch
+async def test_a_hand_is_followed_by_a_line_and_simulations_come_after_it(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_model, "MAX_SIMULATION", 0.0)
 
@@ -437,30 +388,24 @@ def test_a_hand_is_followed_by_a_line_and_simulations_come_after_it(
         head, arrays = unpack((await asked.post("/curves", content))[1])
         return head["predicted"], arrays, {one["channel"]: one["ratio"] for one in head["errors"]}
 
-    async def work(asked: Asked) -> None:
-        assert not (await curves(asked, {}))[0]
-        assert not (await curves(asked, {NAME: 10.0}))[0]
-        is_predicted, arrays, errors = await curves(asked, {NAME: 10.2})
-        assert is_predicted
-        deadline = asyncio.get_running_loop().time() + 20.0
-        while (await curves(asked, {NAME: 10.2}))[0] and asyncio.get_running_loop().time() < deadline:
-            await asyncio.sleep(0.02)
-        is_predicted, exact, right = await curves(asked, {NAME: 10.2})
-        assert not is_predicted
-        assert errors == pytest.approx(right, rel=0.02)
-        assert [one.shape for one in arrays] == [one.shape for one in exact]
-        assert not (await curves(asked, {NAME: 11.0}, None))[0]
-
-    session(work)
+    assert not (await curves(asked, {}))[0]
+    assert not (await curves(asked, {NAME: 10.0}))[0]
+    is_predicted, arrays, errors = await curves(asked, {NAME: 10.2})
+    assert is_predicted
+    deadline = asyncio.get_running_loop().time() + 20.0
+    while (await curves(asked, {NAME: 10.2}))[0] and asyncio.get_running_loop().time() < deadline:
+        await asyncio.sleep(0.02)
+    is_predicted, exact, right = await curves(asked, {NAME: 10.2})
+    assert not is_predicted
+    assert errors == pytest.approx(right, rel=0.02)
+    assert [one.shape for one in arrays] == [one.shape for one in exact]
+    assert not (await curves(asked, {NAME: 11.0}, None))[0]
 
 
-def test_a_short_simulation_is_never_predicted(session: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_short_simulation_is_never_predicted(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_model, "MAX_SIMULATION", 10.0)
 
-    async def work(asked: Asked) -> None:
-        for value in (10.0, 10.1, 10.2):
-            content = {"focus": "driven_1", "values": {NAME: value}, "moving": NAME}
-            head, _ = unpack((await asked.post("/curves", content))[1])
-            assert not head["predicted"]
-
-    session(work)
+    for value in (10.0, 10.1, 10.2):
+        content = {"focus": "driven_1", "values": {NAME: value}, "moving": NAME}
+        head, _ = unpack((await asked.post("/curves", content))[1])
+        assert not head["predicted"]
