@@ -15,10 +15,11 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import NullLocator, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator, ScalarFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from pneucli.messages.envelope import envelope_indices
+from pneucli.messages.formatting import format_plain
 from pneucli.report.page_elements import Figure
 
 # Okabe and Ito (2008): distinguishable with every kind of colour vision
@@ -84,7 +85,7 @@ def render(draw: Callable[[Canvas], None], width: float, height: float) -> str:
 class Line:
     """One curve of a chart: x and y of shape (n,), its label, and how it is drawn; None: as matplotlib would.
 
-    ``band`` has the ends of an interval about it, each (n,), shaded.
+    ``band`` has the ends of an interval about it, each (n,), shaded; ``bars`` has those of an interval at each marker.
     """
 
     x: ArrayLike
@@ -95,7 +96,19 @@ class Line:
     width: float | None = None
     size: float | None = None  # of its markers
     band: tuple[ArrayLike, ArrayLike] | None = None
+    bars: tuple[NDArray[Any], NDArray[Any]] | None = None
     alpha: float | None = None
+
+    def draw(self, axes: Axes) -> None:
+        """Draw it."""
+        look: dict[str, Any] = {"color": self.colour, "markersize": self.size, "label": self.label}
+        if self.bars is not None:
+            spread = np.clip([self.y - self.bars[0], self.bars[1] - self.y], 0, None)
+            axes.errorbar(self.x, self.y, spread, fmt=self.style, capsize=2, **look)
+            return
+        if self.band is not None:
+            axes.fill_between(self.x, *self.band, color=self.colour, alpha=0.25, linewidth=0)
+        axes.plot(self.x, self.y, self.style, linewidth=self.width, alpha=self.alpha, **look)
 
 
 def chart(
@@ -124,16 +137,7 @@ def chart(
     """
     with drawing(caption, x, y, height) as one:
         for line in lines:
-            if line.band is not None:
-                one.axes.fill_between(line.x, line.band[0], line.band[1], color=line.colour, alpha=0.25, linewidth=0)
-            look: dict[str, Any] = {
-                "color": line.colour,
-                "linewidth": line.width,
-                "markersize": line.size,
-                "alpha": line.alpha,
-                "label": line.label,
-            }
-            one.axes.plot(line.x, line.y, line.style, **look)
+            line.draw(one.axes)
         one.axes.set(**limits)
         extra(one.axes)
         if str(legend).startswith("outside"):
@@ -148,6 +152,12 @@ def logarithmic_beyond(axes: Axes, linear: float) -> None:
     axes.set_yscale("symlog", linthresh=linear, linscale=1.0)
     axes.yaxis.set_major_formatter(ScalarFormatter())
     axes.yaxis.set_minor_locator(NullLocator())
+
+
+def plain_numbers(axes: Axes) -> None:
+    """Label a logarithmic y axis with numbers without powers of ten."""
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def zero_line(axes: Axes) -> None:

@@ -4,22 +4,20 @@ from collections.abc import Mapping, Sequence
 from itertools import islice
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.axes import Axes
 
 from pneucli.arrays import Array
-from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import (
     axis_title,
     format_number,
     format_percent,
-    format_plain,
     format_quantity,
     in_display_unit,
 )
 from pneucli.messages.plan import GOOD_POWER, Answer
 from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS
-from pneucli.report.figure import GREY, PALETTE, Line, chart, drawing, figures, reduced
+from pneucli.report.figure import GREY, PALETTE, Line, chart, plain_numbers, reduced
 from pneucli.report.overview import Overview, Tile
 from pneucli.report.page import render_page
 from pneucli.report.page_elements import Cell, Figure, Grid, Note, Part, Section
@@ -128,21 +126,21 @@ def _differences(time: Array, differences: Mapping[str, Difference]) -> Figure:
         "Difference of each rival from the best model (running rms) in the channel where it is largest; grey: noise; "
         "dashed: what the best model leaves unexplained there today"
     )
-    with drawing(caption, "time in s", "difference, × noise", 2.9) as figure:
-        figure.axes.axhspan(LOWEST_DIFFERENCE, 1.0, color="#88888833", linewidth=0.0)
-        for number, (name, curve) in enumerate(differences.items()):
-            colour = PALETTE[number % len(PALETTE)]
-            rms = np.maximum(running_rms(curve.values, time), LOWEST_DIFFERENCE)
-            kept = envelope_indices([rms], MAX_SAMPLES)
-            figure.axes.plot(time[kept], rms[kept], color=colour, label=f"{name} ({curve.channel})")
+    lines = []
+    for number, (name, curve) in enumerate(differences.items()):
+        rms = np.maximum(running_rms(curve.values, time), LOWEST_DIFFERENCE)
+        line = Line(time, rms, f"{name} ({curve.channel})", PALETTE[number % len(PALETTE)])
+        lines.append(reduced(line, MAX_SAMPLES))
+
+    def scale(axes: Axes) -> None:
+        axes.axhspan(LOWEST_DIFFERENCE, 1.0, color="#88888833", linewidth=0.0)
         for level in sorted({round(c.unexplained, 1) for c in differences.values() if c.unexplained > 1.2}):
-            figure.axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
-        figure.axes.set_yscale("log")
-        figure.axes.set_ylim(bottom=LOWEST_DIFFERENCE)
-        figure.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{format_plain(value)}"))
-        figure.axes.yaxis.set_minor_formatter(NullFormatter())
-        figure.canvas.legend(loc="outside lower center", ncols=2)
-    return figures([figure])[0]
+            axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
+        axes.set(yscale="log", ylim=(LOWEST_DIFFERENCE, None))
+        plain_numbers(axes)
+
+    titles = ("time in s", "difference, × noise")
+    return chart(caption, *titles, *lines, legend="outside lower center", ncols=2, height=2.9, extra=scale)
 
 
 def running_rms(values: Array, time: Array) -> Array:

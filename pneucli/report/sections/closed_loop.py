@@ -5,15 +5,29 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from pneucli.messages import design, simulate
 from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_bounded, format_number, in_display_unit
 from pneucli.messages.simulate import METRIC_TITLES
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, Drawing, drawing, figures, logarithmic_beyond
+from pneucli.report.figure import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    Drawing,
+    Line,
+    chart,
+    drawing,
+    figures,
+    logarithmic_beyond,
+    reduced,
+)
 from pneucli.report.page_elements import (
     ZOOM_HINT,
+    Figure,
     Grid,
     Note,
     Panel,
@@ -147,11 +161,11 @@ def _scenarios(table: Table, tolerance: float) -> list[Part]:
     }
     if not pairs:
         return []
-    drawings = [_error(name, *pair, tolerance) for name, pair in pairs.items()]
-    drawings += [_load(name, rows) for name, (rows, _) in pairs.items() if np.any(rows["load"] != 0.0)]
+    drawn = [_error(name, *pair, tolerance) for name, pair in pairs.items()]
+    drawn += [_load(name, rows) for name, (rows, _) in pairs.items() if np.any(rows["load"] != 0.0)]
     caption = "Load estimate and pressure are those with compensation."
     runs = [PlotRun(name, _panels(*pair)) for name, pair in pairs.items()]
-    return [*figures(drawings), ZoomPlot("closed-loop", caption, runs, ZOOM_HINT)]
+    return [*drawn, ZoomPlot("closed-loop", caption, runs, ZOOM_HINT)]
 
 
 def _deviation(rows: Table) -> NDArray[Any]:
@@ -159,31 +173,29 @@ def _deviation(rows: Table) -> NDArray[Any]:
     return np.asarray(MICROMETRES_PER_METRE * (rows["x_ref"] - rows["x"]))
 
 
-def _error(name: str, compensated: Table, pid_only: Table, tolerance: float) -> Drawing:
+def _error(name: str, compensated: Table, pid_only: Table, tolerance: float) -> Figure:
     linear = f"linear up to {format_number(LINEAR_RANGE, 2)} µm"
     caption = f"{name}: position error, {linear}, logarithmic beyond; shaded: ± {_um(tolerance)}."
-    with drawing(caption, "time in s", "reference − position in µm") as one:
-        axes = one.axes
-        axes.axhspan(
-            -MICROMETRES_PER_METRE * tolerance, MICROMETRES_PER_METRE * tolerance, color=GREY, alpha=0.25, linewidth=0
-        )
-        for rows, label, colour in ((pid_only, UNCOMPENSATED, BLUE), (compensated, COMPENSATED, ORANGE)):
-            error = _deviation(rows)
-            indices = envelope_indices([error], MAX_SAMPLES)
-            axes.plot(rows["time"][indices], error[indices], color=colour, label=label, linewidth=1.0)
+    half = MICROMETRES_PER_METRE * tolerance
+
+    def scale(axes: Axes) -> None:
+        axes.axhspan(-half, half, color=GREY, alpha=0.25, linewidth=0)
         logarithmic_beyond(axes, LINEAR_RANGE)
-        one.canvas.legend(loc="outside upper right", ncols=2)
-    return one
+
+    lines = [
+        reduced(Line(rows["time"], _deviation(rows), label, colour, width=1.0), MAX_SAMPLES)
+        for rows, label, colour in ((pid_only, UNCOMPENSATED, BLUE), (compensated, COMPENSATED, ORANGE))
+    ]
+    titles = ("time in s", "reference − position in µm")
+    return chart(caption, *titles, *lines, legend="outside upper right", ncols=2, extra=scale)
 
 
-def _load(name: str, rows: Table) -> Drawing:
+def _load(name: str, rows: Table) -> Figure:
     caption = f"{name}: the load on the piston, and the controller's estimate from position and pressures."
-    with drawing(caption, "time in s", "load in N") as one:
-        indices = envelope_indices([rows["load"], rows["load_estimate"]], MAX_SAMPLES)
-        one.axes.plot(rows["time"][indices], rows["load"][indices], color=GREY, linewidth=2.5, label="load")
-        one.axes.plot(rows["time"][indices], rows["load_estimate"][indices], color=ORANGE, label="estimate")
-        one.canvas.legend(loc="outside upper right", ncols=2)
-    return one
+    few = rows.rows(envelope_indices([rows["load"], rows["load_estimate"]], MAX_SAMPLES))
+    load = Line(few["time"], few["load"], "load", GREY, width=2.5)
+    estimate = Line(few["time"], few["load_estimate"], "estimate", ORANGE)
+    return chart(caption, "time in s", "load in N", load, estimate, legend="outside upper right", ncols=2)
 
 
 def _panels(compensated: Table, pid_only: Table) -> list[Panel]:

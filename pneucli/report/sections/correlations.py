@@ -4,14 +4,13 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pneucli.distributions import normal_quantile
 from pneucli.messages.compare import Answer, ChannelResult
 from pneucli.messages.formatting import format_number, format_plain, join_names
 from pneucli.quantities import CHANNELS, SIGNALS, Z95
-from pneucli.report.figure import BLUE, GREY, PALETTE, Drawing, drawing, figures, heat_map
-from pneucli.report.page_elements import Grid, Note, Part, Row, Section
+from pneucli.report.figure import BLUE, GREY, PALETTE, Line, chart, drawing, figures, heat_map, plain_numbers
+from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 60  # on the page
@@ -25,8 +24,8 @@ def section(material: ReportData) -> Section | None:
     parts: list[Part] = [
         *_parameter_correlation(material.table("identify/correlation")),
         *_sensitivity(material.table("identify/sensitivity")),
-        *figures([*_iterations(material.table("identify/iterations"))]),
-        *figures([*_residuals(material)]),
+        *_iterations(material.table("identify/iterations")),
+        *_residuals(material),
     ]
     if not parts:
         return None
@@ -78,31 +77,26 @@ def _sensitivity(table: Table) -> Iterator[Part]:
     yield Grid(caption, ("parameter", *channels), rows, folded=len(rows) > 12)
 
 
-def _iterations(table: Table) -> Iterator[Drawing]:
+def _iterations(table: Table) -> Iterator[Figure]:
     """Yield the residual over the iterations of the searches, one colour for each set of effects."""
     if not len(table):
         return
     caption = (
         "Convergence of the fit: rms residual after each iteration; a line for each search, a colour for each model."
     )
-    with drawing(caption, "iteration, all searches in sequence", "rms residual, × noise") as one:
-        colours = {effects: PALETTE[i % len(PALETTE)] for i, effects in enumerate(dict.fromkeys(table["effects"]))}
-        begin = 0
-        for (effects, _), rows in table.groups("effects", "search"):
-            place = begin + np.arange(len(rows))
-            begin += len(rows)
-            first = f"base with {effects}" if effects else "base model"
-            label = first if colours.get(f"done {effects}") is None else None
-            one.axes.plot(place, rows["residual"], ".-", color=colours[effects], markersize=3, label=label)
-            colours[f"done {effects}"] = GREY
-        one.axes.set_yscale("log")
-        one.axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
-        one.axes.yaxis.set_minor_formatter(NullFormatter())
-        one.axes.legend()
-    yield one
+    colours = {effects: PALETTE[i % len(PALETTE)] for i, effects in enumerate(dict.fromkeys(table["effects"]))}
+    labels = {effects: f"base with {effects}" if effects else "base model" for effects in colours}
+    lines: list[Line] = []
+    begin = 0
+    for (effects, _), rows in table.groups("effects", "search"):
+        place = begin + np.arange(len(rows))
+        begin += len(rows)
+        lines.append(Line(place, rows["residual"], labels.pop(effects, None), colours[effects], ".-", size=3))
+    titles = ("iteration, all searches in sequence", "rms residual, × noise")
+    yield chart(caption, *titles, *lines, legend="best", extra=plain_numbers, yscale="log")
 
 
-def _residuals(material: ReportData) -> Iterator[Drawing]:
+def _residuals(material: ReportData) -> Iterator[Figure]:
     """Yield the correlations of the residuals with the largest errors over noise, test recordings first."""
     table = material.table("compare/correlation")
     if not len(table):
@@ -120,26 +114,24 @@ def _of_many(lags: int) -> float:
     return float(normal_quantile(1.0 - 0.025 / max(lags, 1)) / Z95)
 
 
-def _correlation(rows: Table, channel: ChannelResult) -> Drawing:
+def _correlation(rows: Table, channel: ChannelResult) -> Figure:
     name = channel.channel
-    beyond = []
-    caption = f"Residual of {name} in {channel.recording} ({format_number(channel.ratio_to_noise, 3)} × noise)"
-    with drawing(caption, "lag in s; positive: the input leads", "correlation") as one:
-        for i, ((against,), part) in enumerate(rows.groups("against")):
-            own = str(against) == name
-            label = "with itself" if own else f"with {SIGNALS[str(against)].symbol}"
-            one.axes.plot(part["lag"], part["correlation"], color=GREY if own else PALETTE[(i - 1) % 6], label=label)
-            if not own:
-                edge = float(part["bound"][0])
-                one.axes.plot(part["lag"][[0, -1]], [edge, edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
-                one.axes.plot(part["lag"][[0, -1]], [-edge, -edge], ":", color=PALETTE[(i - 1) % 6], linewidth=0.8)
-                if np.abs(part["correlation"]).max() > edge * _of_many(len(part)):
-                    most = int(np.argmax(np.abs(part["correlation"])))
-                    beyond.append(f"{against} at {format_plain(float(part['lag'][most]))} s")
-        one.axes.axhline(0.0, color=BLUE, linewidth=0.4)
-        one.axes.legend()
+    beyond, lines = [], []
+    for i, ((against,), part) in enumerate(rows.groups("against")):
+        own = str(against) == name
+        colour = GREY if own else PALETTE[(i - 1) % 6]
+        label = "with itself" if own else f"with {SIGNALS[str(against)].symbol}"
+        lines.append(Line(part["lag"], part["correlation"], label, colour))
+        if not own:
+            edge = float(part["bound"][0])
+            lines += [Line(part["lag"][[0, -1]], [at, at], None, colour, ":", 0.8) for at in (edge, -edge)]
+            if np.abs(part["correlation"]).max() > edge * _of_many(len(part)):
+                most = int(np.argmax(np.abs(part["correlation"])))
+                beyond.append(f"{against} at {format_plain(float(part['lag'][most]))} s")
     result = f"significant with {join_names(beyond)}" if beyond else "no significant correlation with the inputs"
-    one.caption = f"{caption}: {result} (dotted: 95 % at one lag, by Bartlett's formula)."
-    if one.figure is not None:
-        one.figure = type(one.figure)(one.figure.svg, one.caption)
-    return one
+    caption = (
+        f"Residual of {name} in {channel.recording} ({format_number(channel.ratio_to_noise, 3)} × noise): {result} "
+        "(dotted: 95 % at one lag, by Bartlett's formula)."
+    )
+    zero = lambda axes: axes.axhline(0.0, color=BLUE, linewidth=0.4)  # noqa: E731
+    return chart(caption, "lag in s; positive: the input leads", "correlation", *lines, legend="best", extra=zero)

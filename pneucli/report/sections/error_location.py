@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from pneucli.arrays import Array
 from pneucli.messages import compare, ingest
@@ -14,12 +13,11 @@ from pneucli.messages.formatting import (
     axis_title,
     format_number,
     format_percent,
-    format_plain,
     in_display_unit,
     join_names,
     signal_unit,
 )
-from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map
+from pneucli.report.figure import ORANGE, Drawing, drawing, figures, heat_map, plain_numbers
 from pneucli.report.page_elements import Cell, Columns, Grid, Note, Part, Section, grid
 from pneucli.report.report_data import ReportData, Table
 
@@ -158,8 +156,7 @@ def _map(when: str, cloud: StateSamples, pair: tuple[str, str], most: float) -> 
         title = f"rms residual of {cloud.channel}, × noise"
         bar = heat_map(one, *ends, rms.T, title, norm=LogNorm(vmin=COLOUR_FLOOR, vmax=most))
         bar.ax.axhline(1.0, color=ORANGE, linewidth=2)
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: format_plain(value)))
-        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(bar.ax)
     return one
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pneucli.messages.formatting import format_number, format_quantity, in_display_unit
 from pneucli.messages.identify import Answer
-from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart, drawing, figures
+from pneucli.report.figure import BLUE, GREEN, GREY, ORANGE, PINK, SKY, TEXT_COLOUR, Line, chart
 from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
@@ -102,12 +102,9 @@ def _kinetic(kinetic: Table) -> Figure:
     x = in_display_unit(kinetic["p1"], "Pa") if over_pressure else in_display_unit(kinetic["speed"], "m/s")
     caption = "Kinetic friction with 95 % intervals, one point for each recording."
     title = "pressure of chamber 1 in bar" if over_pressure else "speed in mm/s"
-    with drawing(caption, title, "friction in N") as one:
-        middle = kinetic["friction"]
-        spread = np.clip([middle - kinetic["ci_low"], kinetic["ci_high"] - middle], 0, None)
-        one.axes.errorbar(x, middle, spread, fmt="o", color=BLUE, markersize=3, capsize=2)
-        one.axes.set_ylim(bottom=0)
-    return figures([one])[0]
+    bars = kinetic["ci_low"], kinetic["ci_high"]
+    points = Line(x, kinetic["friction"], None, BLUE, "o", size=3, bars=bars)
+    return chart(caption, title, "friction in N", points, ylim=(0, None))
 
 
 def _tables(material: ReportData) -> Iterator[Part]:

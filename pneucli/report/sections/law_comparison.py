@@ -1,6 +1,7 @@
 """Comparison of control laws: results, the benefit of the inverse map and of each component."""
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -13,10 +14,9 @@ from pneucli.messages.design import (
     law_rows,
     shortcomings,
 )
-from pneucli.messages.envelope import envelope_indices
 from pneucli.messages.formatting import format_bounded
-from pneucli.report.figure import GREY, PALETTE, Drawing, drawing, figures, logarithmic_beyond
-from pneucli.report.page_elements import Grid, Note, Part, Row, Section
+from pneucli.report.figure import GREY, PALETTE, Line, chart, logarithmic_beyond, reduced
+from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 
 PLACE = 110  # on the page
@@ -47,7 +47,7 @@ def section(material: ReportData) -> Section | None:
     parts += _pressure_control(design)
     parts.append(Grid("The controllers.", ("controller", "control law"), [*design.controllers.items()], folded=True))
     if len(signals):
-        parts += figures([*_errors(signals)])
+        parts += _errors(signals)
     lead = (
         "The same axis, sensors and scenarios under each control law. Each law follows its equations in the source "
         "thesis and can be exported."
@@ -76,19 +76,17 @@ def _pressure_control(design: Answer) -> Iterator[Grid]:
         yield Grid(caption, head, rows)
 
 
-def _errors(signals: Table) -> Iterator[Drawing]:
+def _errors(signals: Table) -> Iterator[Figure]:
     """Yield the error of all control laws over time, one figure for each scenario of position control."""
     for (scenario,), rows in signals.groups("scenario"):
         if np.isnan(rows["x_ref"]).all():
             continue
         caption = f"{scenario}: position error under each control law; linear up to 10 µm, logarithmic beyond."
-        with drawing(caption, "time in s", "|reference − position| in µm", height=3.4) as one:
-            for i, ((name,), mine) in enumerate(rows.groups("controller")):
-                error = MICROMETRES_PER_METRE * np.abs(mine["x_ref"] - mine["x"])
-                indices = envelope_indices([error], MAX_SAMPLES // 2)
-                colour = GREY if name == "best" else PALETTE[(i - 1) % len(PALETTE)]
-                width = 2.0 if name == "best" else 0.9
-                one.axes.plot(mine["time"][indices], error[indices], color=colour, linewidth=width, label=str(name))
-            logarithmic_beyond(one.axes, 10.0)
-            one.canvas.legend(loc="outside upper center", ncols=4)
-        yield one
+        lines = []
+        for i, ((name,), mine) in enumerate(rows.groups("controller")):
+            error = MICROMETRES_PER_METRE * np.abs(mine["x_ref"] - mine["x"])
+            look = (GREY, "-", 2.0) if name == "best" else (PALETTE[(i - 1) % len(PALETTE)], "-", 0.9)
+            lines.append(reduced(Line(mine["time"], error, str(name), *look), MAX_SAMPLES // 2))
+        titles = ("time in s", "|reference − position| in µm")
+        far = partial(logarithmic_beyond, linear=10.0)
+        yield chart(caption, *titles, *lines, legend="outside upper center", ncols=4, height=3.4, extra=far)

@@ -249,18 +249,13 @@ def _inverse(inverse: Table) -> Drawing:
 def _areas(areas: Table) -> Figure:
     unit, opening = areas.units.get("area", "m^2"), areas["opening" if "opening" in areas else "u"]
     caption = "Effective area of the model's valve over command, charging and discharging, with 95 % intervals."
-    with drawing(caption, "valve command in V", f"effective area in {unit_symbol(unit)}") as one:
-        for label, chosen, colour in (
-            ("supply → chamber", opening > 0, BLUE),
-            ("chamber → ambient", opening < 0, ORANGE),
-        ):
-            rows = areas.rows(np.flatnonzero(chosen)[np.argsort(areas["u"][chosen])])
-            area, low, high = (in_display_unit(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
-            spread = np.clip([area - low, high - area], 0, None)
-            one.axes.errorbar(rows["u"], area, spread, fmt="o-", color=colour, markersize=3, capsize=2, label=label)
-        one.axes.set_ylim(bottom=0)
-        one.axes.legend()
-    return figures([one])[0]
+    lines = []
+    for label, chosen, colour in (("supply → chamber", opening > 0, BLUE), ("chamber → ambient", opening < 0, ORANGE)):
+        rows = areas.rows(np.flatnonzero(chosen)[np.argsort(areas["u"][chosen])])
+        area, *bars = (in_display_unit(rows[name], unit) for name in ("area", "ci_low", "ci_high"))
+        lines.append(Line(rows["u"], area, label, colour, "o-", size=3, bars=(bars[0], bars[1])))
+    titles = ("valve command in V", f"effective area in {unit_symbol(unit)}")
+    return chart(caption, *titles, *lines, legend="best", ylim=(0, None))
 
 
 def _tables(valve: Valve) -> Iterator[Grid]:

@@ -90,7 +90,7 @@ def _branches(branches: Mapping[str, Mapping[str, float]]) -> Figure:
         Line(1e3 * v, rising, "accelerating", BLUE),
         Line(1e3 * v, falling, "slowing", ORANGE),
         legend="upper right",
-        extra=lambda axes: axes.set_ylim(bottom=0),
+        ylim=(0, None),
     )
 
 
@@ -294,8 +294,7 @@ def _inflation(rows: Table, supply: float, origin: str) -> Iterator[Figure]:
     )
     instead = "" if has_flow else ", as pressure gradient (2.22), because the volume of the vessel is not stated"
     caption = f"Figure 7.20: mass flow of the inflation{instead}: constant while choked."
-    from_zero = lambda axes: axes.set_ylim(bottom=0)  # noqa: E731
-    yield chart(caption, "pressure in bar", title, Line(p, flow, colour=BLUE), extra=from_zero)
+    yield chart(caption, "pressure in bar", title, Line(p, flow, colour=BLUE), ylim=(0, None))
 
 
 def _deflation(rows: Table) -> Iterator[Figure]:
@@ -347,7 +346,7 @@ def _areas(caption: str, areas: Table, chosen: NDArray[np.bool_]) -> Figure:
         "effective area in mm²",
         *lines,
         legend="upper right",
-        extra=lambda axes: axes.set_ylim(bottom=0),
+        ylim=(0, None),
     )
 
 

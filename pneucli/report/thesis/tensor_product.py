@@ -1,8 +1,10 @@
 """The tensor-product models of friction: weighting functions and vertices."""
 
+from typing import Any
+
 from pneucli.messages.formatting import format_quantity, in_display_unit
-from pneucli.report.figure import Drawing, drawing, figures
-from pneucli.report.page_elements import Grid, Part, Row, Section
+from pneucli.report.figure import Line, chart
+from pneucli.report.page_elements import Figure, Grid, Part, Row, Section
 from pneucli.report.report_data import ReportData, Table
 from pneucli.report.sections.friction import MODELS
 
@@ -15,8 +17,8 @@ def section(material: ReportData) -> Section | None:
     weights = material.table("identify/tp_weights")
     if not len(weights):
         return None
-    drawings = [_weights(str(model), str(branch), rows) for (model, branch), rows in weights.groups("model", "branch")]
-    parts: list[Part] = [*figures(drawings)]
+    groups = weights.groups("model", "branch")
+    parts: list[Part] = [_weights(str(model), str(branch), rows) for (model, branch), rows in groups]
     if len(vertices := material.table("identify/tp_vertices")):
         parts.append(_vertices(vertices))
     lead = (
@@ -26,18 +28,15 @@ def section(material: ReportData) -> Section | None:
     return Section("tensor", "Tensor-product models", lead, parts)
 
 
-def _weights(model: str, branch: str, rows: Table) -> Drawing:
+def _weights(model: str, branch: str, rows: Table) -> Figure:
     of_branch = "" if branch == "both" else f", {branch}"
     caption = f"Weighting functions of model {model} ({MODELS.get(model, '')}){of_branch}, over the range of change."
-    with drawing(caption, "velocity in mm/s", "weight", height=2.3) as one:
-        for (vertex,), of_vertex in rows.groups("vertex"):
-            one.axes.plot(
-                in_display_unit(of_vertex["v"], "m/s"), of_vertex["weight"], label=f"vertex {int(vertex) + 1}"
-            )
-        one.axes.set_xlim(_bend(rows))
-        one.axes.set_ylim(-0.03, 1.03)
-        one.axes.legend()
-    return one
+    lines = [
+        Line(in_display_unit(one["v"], "m/s"), one["weight"], f"vertex {int(vertex) + 1}")
+        for (vertex,), one in rows.groups("vertex")
+    ]
+    look: dict[str, Any] = {"legend": "best", "height": 2.3, "xlim": _bend(rows), "ylim": (-0.03, 1.03)}
+    return chart(caption, "velocity in mm/s", "weight", *lines, **look)
 
 
 def _bend(rows: Table) -> tuple[float, float]:
