@@ -1,9 +1,10 @@
 """The baseline of each diagnosis, and the changes since an earlier one."""
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -199,29 +200,34 @@ def _has_changed(document: Mapping[str, Any], artifacts: Path) -> bool:
     return False
 
 
+EMPTY_ROW: Mapping[str, Any] = {
+    **{"kind": "", "name": "", "unit": "", "value": math.nan, "logarithmic": False, "at_bound": False},
+    **{"one_sided": False, "values": "{}", "step": math.nan, "power": math.nan, "vector": [], "blocks": [], "gram": []},
+}  # of the table of a baseline
+
+
 def write_baseline_table(pipeline: PipelineData, baseline: Baseline) -> None:
     """Write a baseline: a row for each parameter and each typical effect, and one for the residual levels."""
-    k, m = len(baseline.coordinates), len(baseline.typical_effects)
-    no_values = np.full(m, np.nan)
-    vectors = [*baseline.white_noise_covariance, *baseline.bias.T]
-    blocks = [*baseline.influence.T, *baseline.step_influence.T, baseline.levels]
+    assert baseline.gram is not None
+    lower = [row[: i + 1] for i, row in enumerate(baseline.gram.tolist())]
+    steps, power = baseline.steps.tolist(), baseline.power.tolist()
+    effects = zip(
+        baseline.typical_effects, steps, power, baseline.bias.T, baseline.step_influence.T, lower, strict=True
+    )
+    parameters = zip(baseline.coordinates, baseline.white_noise_covariance, baseline.influence.T, strict=True)
+    rows = [
+        *({"kind": "parameter", **asdict(c), "vector": v.tolist(), "blocks": b.tolist()} for c, v, b in parameters),
+        *(
+            {"kind": "effect", "name": e.effect, "one_sided": e.one_sided, "values": json.dumps(dict(e.values))}
+            | {"step": step, "power": p, "vector": v.tolist(), "blocks": b.tolist(), "gram": row}
+            for e, step, p, v, b, row in effects
+        ),
+        {"kind": "levels", "blocks": baseline.levels.tolist()},
+    ]
+    columns = {name: [row.get(name, empty) for row in rows] for name, empty in EMPTY_ROW.items()}
     write_table(
         pipeline.context.out / REFERENCE_FILE,
-        {
-            "kind": ["parameter"] * k + ["effect"] * m + ["levels"],
-            "name": [*(c.name for c in baseline.coordinates), *(s.effect for s in baseline.typical_effects), ""],
-            "unit": [*(c.unit for c in baseline.coordinates), *[""] * (m + 1)],
-            "value": np.array([*(c.value for c in baseline.coordinates), *no_values, np.nan], dtype=np.float64),
-            "logarithmic": np.array([*(c.logarithmic for c in baseline.coordinates), *[False] * (m + 1)]),
-            "at_bound": np.array([*(c.at_bound for c in baseline.coordinates), *[False] * (m + 1)]),
-            "one_sided": np.array([*[False] * k, *(s.one_sided for s in baseline.typical_effects), False]),
-            "values": [*["{}"] * k, *(json.dumps(dict(s.values)) for s in baseline.typical_effects), "{}"],
-            "step": np.array([*[np.nan] * k, *baseline.steps, np.nan], dtype=np.float64),
-            "power": np.array([*[np.nan] * k, *baseline.power, np.nan], dtype=np.float64),
-            "vector": [*(list(map(float, v)) for v in vectors), []],
-            "blocks": [list(map(float, b)) for b in blocks],
-            "gram": [*[[]] * k, *(list(map(float, row[: i + 1])) for i, row in enumerate(_gram(baseline))), []],
-        },
+        {name: np.array(v) if isinstance(EMPTY_ROW[name], bool | float) else v for name, v in columns.items()},
         units={"value": "see column unit", "step": "1", "power": "1"},
         schema=SCHEMA,
         provenance=pipeline.provenance("ingest/signals.parquet"),
@@ -230,53 +236,36 @@ def write_baseline_table(pipeline: PipelineData, baseline: Baseline) -> None:
 
 def read_baseline(path: Path) -> Baseline:
     """Return the baseline that :func:`write_baseline_table` wrote."""
-    table = read_table(path)
-    kind = np.array(table["kind"])
-    parameter_rows, effect_rows = np.flatnonzero(kind == "parameter"), np.flatnonzero(kind == "effect")
-    (level_rows,) = np.flatnonzero(kind == "levels")
+    columns = read_table(path)
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    parameters, effects, (levels,) = ([r for r in rows if r["kind"] == k] for k in ("parameter", "effect", "levels"))
 
-    def stacked(column: str, rows: NDArray[np.int64], width: int) -> NDArray[np.float64]:
-        return np.array([np.asarray(table[column][i], dtype=np.float64) for i in rows]).reshape(len(rows), width)
+    def stacked(column: str, rows: Sequence[Mapping[str, Any]], width: int) -> NDArray[np.float64]:
+        return np.array([np.asarray(row[column], dtype=np.float64) for row in rows]).reshape(len(rows), width)
 
-    levels = np.asarray(table["blocks"][level_rows], dtype=np.float64)
-    k = parameter_rows.size
+    blocks, k = len(levels["blocks"]), len(parameters)
     return Baseline(
-        coordinates=tuple(_coordinate(table, int(i)) for i in parameter_rows),
-        typical_effects=tuple(_typical_effect(table, int(i)) for i in effect_rows),
-        influence=stacked("blocks", parameter_rows, levels.size).T,
-        white_noise_covariance=stacked("vector", parameter_rows, k),
-        steps=np.asarray(table["step"], dtype=np.float64)[effect_rows],
-        step_influence=stacked("blocks", effect_rows, levels.size).T,
-        power=np.asarray(table["power"], dtype=np.float64)[effect_rows],
-        bias=stacked("vector", effect_rows, k).T,
-        levels=levels,
-        gram=_symmetric_matrix([np.asarray(table["gram"][i], dtype=np.float64) for i in effect_rows])
-        if "gram" in table
-        else None,
+        coordinates=tuple(
+            Coordinate(str(r["name"]), str(r["unit"]), float(r["value"]), bool(r["logarithmic"]), bool(r["at_bound"]))
+            for r in parameters
+        ),
+        typical_effects=tuple(
+            TypicalEffect(str(r["name"]), json.loads(str(r["values"])), bool(r["one_sided"])) for r in effects
+        ),
+        influence=stacked("blocks", parameters, blocks).T,
+        white_noise_covariance=stacked("vector", parameters, k),
+        steps=np.array([r["step"] for r in effects], dtype=np.float64),
+        step_influence=stacked("blocks", effects, blocks).T,
+        power=np.array([r["power"] for r in effects], dtype=np.float64),
+        bias=stacked("vector", effects, k).T,
+        levels=np.asarray(levels["blocks"], dtype=np.float64),
+        gram=_symmetric_matrix([r["gram"] for r in effects]) if "gram" in columns else None,
     )
 
 
-def _gram(baseline: Baseline) -> NDArray[np.float64]:
-    return np.zeros((0, 0)) if baseline.gram is None else baseline.gram
-
-
-def _symmetric_matrix(rows: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _symmetric_matrix(rows: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     """Return a symmetric matrix from its lower triangle."""
     lower = np.zeros((len(rows), len(rows)))
     for i, row in enumerate(rows):
         lower[i, : i + 1] = row
     return lower + np.tril(lower, -1).T
-
-
-def _typical_effect(table: Mapping[str, Any], i: int) -> TypicalEffect:
-    return TypicalEffect(str(table["name"][i]), json.loads(str(table["values"][i])), bool(table["one_sided"][i]))
-
-
-def _coordinate(table: Mapping[str, Any], i: int) -> Coordinate:
-    return Coordinate(
-        str(table["name"][i]),
-        str(table["unit"][i]),
-        float(table["value"][i]),
-        bool(table["logarithmic"][i]),
-        bool(table["at_bound"][i]),
-    )
