@@ -20,13 +20,7 @@ import pyarrow.parquet as pq
 
 from benchmarks.cases import Counts, Truth, judged, worlds
 from benchmarks.score import KEPT, SETS, package, source_digest
-from pneucli.diagnose.evidence import (
-    KAPPA,
-    PRIOR_ODDS,
-    SetProbability,
-    VisitedSet,
-    set_probabilities,
-)
+from pneucli.diagnose.evidence import KAPPA, PRIOR_ODDS, SetProbability, VisitedSet, set_probabilities
 
 MIN_STATED, MAX_STATED = 0.003, 0.997  # probabilities, as both may state them
 MIN_NAMED = 0.5  # probability, from which on an effect, or one of several, is named

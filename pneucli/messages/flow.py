@@ -6,11 +6,7 @@ from typing import Any
 
 from pneucli.figure import Figure, laid_out
 from pneucli.messages import labelled, table
-from pneucli.messages.formatting import (
-    format_figure,
-    format_noise_ratio,
-    format_number,
-)
+from pneucli.messages.formatting import format_figure, format_noise_ratio, format_number
 
 FLOW_COLUMNS = ("command", "rows", "C (ISO 6358)", "b", "m", "cracking pressure", "× noise")
 LAYOUT = "value unit ci95 determined"  # of a characteristic; typical values of valves hold what is not determined

@@ -7,13 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pneucli.arrays import Array
-from pneucli.messages.formatting import (
-    axis_title,
-    format_number,
-    format_percent,
-    format_quantity,
-    in_display_unit,
-)
+from pneucli.messages.formatting import axis_title, format_number, format_percent, format_quantity, in_display_unit
 from pneucli.messages.plan import GOOD_POWER, Answer
 from pneucli.plan.power import Difference, Prediction
 from pneucli.quantities import SIGNALS

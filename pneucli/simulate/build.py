@@ -24,17 +24,7 @@ from pneucli.physics.declaration import Effect, Parameter
 from pneucli.physics.equations import effect_source
 from pneucli.physics.ports import PORTS
 from pneucli.simulate import dual, layout
-from pneucli.simulate.kernel import (
-    arrays,
-    balance,
-    chamber,
-    friction,
-    hose,
-    run,
-    sensors,
-    step,
-    table_friction,
-)
+from pneucli.simulate.kernel import arrays, balance, chamber, friction, hose, run, sensors, step, table_friction
 
 _LOCK = Lock()  # threads ask for kernels
 PARTS = (

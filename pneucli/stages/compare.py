@@ -51,11 +51,7 @@ from pneucli.quantities import SIGNALS
 from pneucli.recording import Recording
 from pneucli.simulate.model import Model
 from pneucli.stages import history
-from pneucli.stages.answer_parts import (
-    FREE_RUN_KEYS,
-    divergences,
-    purpose_of,
-)
+from pneucli.stages.answer_parts import FREE_RUN_KEYS, divergences, purpose_of
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_residual_blocks, flow_results
 from pneucli.stages.model_file import load_drawn_models
 from pneucli.stages.pipeline_data import PipelineData

@@ -40,21 +40,12 @@ from pneucli.messages.diagnose import (
 )
 from pneucli.messages.findings import tell
 from pneucli.messages.ingest import implausibility_sentences
-from pneucli.messages.progress import (
-    BASELINE_PROGRESS,
-    FREE_RUN_PROGRESS,
-    GIVEN_MODEL_PROGRESS,
-)
+from pneucli.messages.progress import BASELINE_PROGRESS, FREE_RUN_PROGRESS, GIVEN_MODEL_PROGRESS
 from pneucli.pipeline.graph import Context
 from pneucli.pipeline.manifest import program_versions
 from pneucli.simulate.model import Model
 from pneucli.stages import history
-from pneucli.stages.answer_parts import (
-    divergences,
-    figures_of,
-    per_vessel_volume,
-    purpose_of,
-)
+from pneucli.stages.answer_parts import divergences, figures_of, per_vessel_volume, purpose_of
 from pneucli.stages.changes import compare_with_baseline, fit_all_recordings, write_baseline
 from pneucli.stages.diagnosis_answer import (
     SHAPE_FILE,

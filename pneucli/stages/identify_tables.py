@@ -16,14 +16,7 @@ from pneucli.identify.residuals import ResidualModel
 from pneucli.identify.valve.identification import LackOfFit, ValveIdentification, known_vessel_volume
 from pneucli.io.artifacts import Tables
 from pneucli.messages.findings import Finding
-from pneucli.messages.identify import (
-    Budget,
-    Friction,
-    KineticLevel,
-    MapResidual,
-    Valve,
-    ValveDeviation,
-)
+from pneucli.messages.identify import Budget, Friction, KineticLevel, MapResidual, Valve, ValveDeviation
 from pneucli.quantities import Z95
 
 Block = Sequence[Any]  # of rows of a table

@@ -14,14 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneucli.arrays import Array
-from pneucli.config import (
-    PipelineConfig,
-    RecordingSource,
-    SignalTable,
-    TextTable,
-    join_faults,
-    recording_sources,
-)
+from pneucli.config import PipelineConfig, RecordingSource, SignalTable, TextTable, join_faults, recording_sources
 from pneucli.errors import InputError
 from pneucli.experiments import EXPERIMENT_KINDS
 from pneucli.figure import named, to_answer, to_json
@@ -30,12 +23,7 @@ from pneucli.io.artifacts import Provenance, Tables, TableWriter, sha256_of, wri
 from pneucli.io.cleaning import Cleaner
 from pneucli.io.multi_file import AdditionalFile, MultiFileRecording
 from pneucli.io.raw_file import Channel, RawFile, Repair, missing_column
-from pneucli.io.recordings import (
-    REPAIRS_FILE,
-    SIGNALS_FILE,
-    load_recordings,
-    signals_schema,
-)
+from pneucli.io.recordings import REPAIRS_FILE, SIGNALS_FILE, load_recordings, signals_schema
 from pneucli.io.signal_reader import SignalReader, open_signals
 from pneucli.io.timestamp_order import LOSS_MESSAGES, loss_message
 from pneucli.messages.formatting import format_plain

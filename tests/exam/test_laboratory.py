@@ -13,14 +13,7 @@ from pneucli.errors import InputError
 from pneucli.exam import cases, workflow
 from pneucli.exam.cases import generate_case, plan_cases, write_exam
 from pneucli.exam.conditions import CONDITIONS, WIDE_CHOICES, Conditions, parse
-from pneucli.exam.from_pipeline import (
-    UserRecording,
-    UserRig,
-    excitation_for,
-    summarize,
-    with_hidden_effect,
-    write_like,
-)
+from pneucli.exam.from_pipeline import UserRecording, UserRig, excitation_for, summarize, with_hidden_effect, write_like
 from pneucli.exam.graded_case import GradedCase
 from pneucli.exam.hidden_effects import BY_NAME, CATALOGUE, SIDES, UNCATALOGUED
 from pneucli.exam.laboratory import Laboratory, RecordingPlan

@@ -5,12 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneucli.identify.guesses.flow_paths import (
-    measured_gas,
-    modelled_gas,
-    pressure_deviation,
-    sensor_error_deviation,
-)
+from pneucli.identify.guesses.flow_paths import measured_gas, modelled_gas, pressure_deviation, sensor_error_deviation
 from pneucli.identify.residuals import ChamberPressures
 from pneucli.identify.residuals.chambers import play_operator
 from pneucli.physics.gas import CRITICAL_RATIO, flow_constant

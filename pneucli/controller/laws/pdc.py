@@ -13,12 +13,7 @@ from typing import Any
 import numpy as np
 
 from pneucli.controller.laws.base import ControlLaw, LawParameters
-from pneucli.controller.laws.shared_blocks import (
-    NEXT_LAW_PARAMETER,
-    drive_chamber_1,
-    drive_chamber_2,
-    read_sensors,
-)
+from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, drive_chamber_1, drive_chamber_2, read_sensors
 from pneucli.controller.layout import *
 from pneucli.controller.plant import clamp, pressure_force
 from pneucli.controller.reference import shape_reference

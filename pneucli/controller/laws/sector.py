@@ -21,12 +21,7 @@ from typing import Any
 from pneucli.controller.cascade import friction_feedforward, set_pressure_references
 from pneucli.controller.laws.base import ControlLaw, LawParameters
 from pneucli.controller.laws.load_observer import observe_load
-from pneucli.controller.laws.shared_blocks import (
-    NEXT_LAW_PARAMETER,
-    feedforward_force,
-    pressure_pi,
-    read_sensors,
-)
+from pneucli.controller.laws.shared_blocks import NEXT_LAW_PARAMETER, feedforward_force, pressure_pi, read_sensors
 from pneucli.controller.layout import *
 from pneucli.controller.plant import dry_friction, sign
 from pneucli.controller.reference import follow_reference

@@ -85,13 +85,7 @@ def model_description(
         step: Communication step in s that an importer takes by default; of model exchange, time between events.
         fmi: Version of the standard, ``3.0`` or ``2.0``.
     """
-    from fmpy.model_description import (  # noqa: PLC0415 - an extra
-        CoSimulation,
-        DefaultExperiment,
-        ModelDescription,
-        ModelExchange,
-        Unknown,
-    )
+    from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, ModelExchange, Unknown  # noqa: PLC0415 - an extra
 
     written = [_time(REAL[fmi]), *(_variable(one, REAL[fmi]) for one in variables)]
     outputs = [one for one in written if one.causality == "output"]

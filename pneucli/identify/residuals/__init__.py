@@ -15,12 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pneucli.arrays import Array
-from pneucli.identify.residuals.base import (
-    DiscrepancyTerm,
-    ResidualModel,
-    bounded_difference,
-    force_discrepancy_terms,
-)
+from pneucli.identify.residuals.base import DiscrepancyTerm, ResidualModel, bounded_difference, force_discrepancy_terms
 from pneucli.identify.residuals.chambers import ChamberPressures, ForceBalance, ForceBalanceInferredPressure
 from pneucli.physics.ports import Balance
 from pneucli.simulate.experiment import Experiment

@@ -8,13 +8,7 @@ import numpy as np
 from pneucli.compare.channel_errors import fit_percent
 from pneucli.messages.compare import CHANNEL_TITLES, Answer, ChannelResult, rating, test_first
 from pneucli.messages.envelope import envelope_indices, with_gap_indices
-from pneucli.messages.formatting import (
-    format_fit,
-    format_number,
-    format_plain,
-    in_display_unit,
-    unit_symbol,
-)
+from pneucli.messages.formatting import format_fit, format_number, format_plain, in_display_unit, unit_symbol
 from pneucli.quantities import CHANNELS, COMMANDS
 from pneucli.report.figure import with_gaps
 from pneucli.report.page_elements import (

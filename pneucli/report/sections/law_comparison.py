@@ -5,15 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from pneucli.messages.design import (
-    ENSEMBLE_TITLES,
-    LAW_LEGEND,
-    LAW_TITLES,
-    Answer,
-    Cases,
-    law_rows,
-    shortcomings,
-)
+from pneucli.messages.design import ENSEMBLE_TITLES, LAW_LEGEND, LAW_TITLES, Answer, Cases, law_rows, shortcomings
 from pneucli.messages.formatting import format_bounded
 from pneucli.report.figure import GREY, PALETTE, Line, chart, logarithmic_beyond, reduced
 from pneucli.report.page_elements import Figure, Grid, Note, Part, Row, Section
