@@ -71,7 +71,7 @@ from pneucli.physics.effects import catalogue, select_effects
 from pneucli.recording import Rig
 from pneucli.simulate import layout as at
 from pneucli.simulate.model import Model
-from pneucli.stages.model_file import load_model
+from pneucli.stages.pipeline_data import load_model
 
 ROOT = Path(__file__).parents[1]
 RIGS = ("demo", "bore-12mm", "bore-25mm", "bore-50mm", "bore-100mm")

@@ -32,7 +32,7 @@ from pneucli.pipeline.manifest import digest, program_digest, program_versions
 from pneucli.pipeline.runner import Pipeline, open_pipeline
 from pneucli.stages import changes, diagnose, ingest
 from pneucli.stages.changes import REFERENCE_FILE
-from pneucli.stages.model_file import MODEL_FILE
+from pneucli.stages.pipeline_data import MODEL_FILE
 from pneucli.stages.pipeline_file import load_pipeline_file
 
 PIPELINE, REFERENCE, REPORT = "pipeline.toml", "reference", "report.html"

@@ -10,8 +10,7 @@ from pneucli.io.recordings import SIGNALS_FILE
 from pneucli.pipeline.graph import Context
 from pneucli.pipeline.runner import Pipeline
 from pneucli.quantities import ROTARY_UNITS, axis_motion
-from pneucli.stages.model_file import MODEL_FILE
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import MODEL_FILE, PipelineData
 
 Answers = Mapping[str, dict[str, Any]]  # of the stages ingest and identify, by stage
 

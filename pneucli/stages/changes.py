@@ -37,8 +37,7 @@ from pneucli.physics.effects import select_effects
 from pneucli.pipeline import manifest as staleness
 from pneucli.pipeline.graph import STAGES, Context
 from pneucli.simulate.model import Model
-from pneucli.stages.model_file import load_model, save_model
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, load_model, save_model
 
 SOURCE_FILE = "source.json"  # the pipeline file's path from the folder of artifacts
 REFERENCE_FILE = "reference.parquet"

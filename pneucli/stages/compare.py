@@ -53,8 +53,7 @@ from pneucli.simulate.model import Model
 from pneucli.stages import history
 from pneucli.stages.answer_parts import FREE_RUN_KEYS, divergences, purpose_of
 from pneucli.stages.flow_bench import compare_flow_recordings, flow_residual_blocks, flow_results
-from pneucli.stages.model_file import load_drawn_models
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, load_drawn_models
 
 UNKNOWN_CONTROLLER = "unknown"
 MIN_COMMAND_ERROR = 1e-9  # V, within which any two programs of one controller agree

@@ -97,8 +97,7 @@ from pneucli.stages.control_laws import (
     valve_warnings,
     write_comparison,
 )
-from pneucli.stages.model_file import parameter_intervals
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, parameter_intervals
 
 
 @dataclass(frozen=True)

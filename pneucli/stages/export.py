@@ -18,8 +18,7 @@ from pneucli.messages.progress import counted
 from pneucli.pipeline.graph import Context, NotApplicable
 from pneucli.stages.control_laws import closed_loop_setup, load_controller
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import parameter_intervals
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, parameter_intervals
 
 TARGETS = ("c", "mat", "csv", "st")  # of the controller and the maps
 PLANT_TARGET = "fmu"

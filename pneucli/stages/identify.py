@@ -49,8 +49,7 @@ from pneucli.stages.identify_tables import (
     write_parameters,
     write_valves,
 )
-from pneucli.stages.model_file import save_drawn_parameters, save_model
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, save_drawn_parameters, save_model
 
 MAX_NOISE_RATIO = 2.0  # times a sensor's noise, beyond which a position is said to scatter
 MAX_FIT_SAMPLES = 300_000  # of the fit: its derivatives need 0.4 kB each, and minutes describe a rig as well as hours

@@ -33,8 +33,7 @@ from pneucli.stages.control_laws import (
     write_runs,
 )
 from pneucli.stages.flow_bench import require_recordings_over_time
-from pneucli.stages.model_file import parameter_intervals
-from pneucli.stages.pipeline_data import PipelineData
+from pneucli.stages.pipeline_data import PipelineData, parameter_intervals
 
 REST_TOLERANCE_RATIO = (
     2.0  # times the reach within which the piston is left alone: the error at rest that is good enough
