@@ -19,7 +19,7 @@ from pneucli.pipeline.graph import STAGES
 if TYPE_CHECKING:
     from pneucli.pipeline.runner import Done, Pipeline
 
-File = Annotated[Path, typer.Argument(metavar="PIPELINE", help="The pipeline file (TOML).", show_default=False)]
+File = Annotated[Path, typer.Argument(metavar="PIPELINE", help="The pipeline file (TOML).")]
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -34,7 +34,6 @@ Executor = Annotated[
         "--executor",
         metavar="WHERE",
         help="Where long work is done: local (default), dask://host:port, or a TOML file of a cluster.",
-        show_default=False,
     ),
 ]
 Page = Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with the curves as well.")]

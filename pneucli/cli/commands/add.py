@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pneucli.stages.diff import ErrorChange
 
 HELP = "Add effects to [model], identify anew, show the error before and after."
-Effects = Annotated[list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+Effects = Annotated[list[str] | None, typer.Argument(metavar="EFFECT", help="Names of effects.")]
 Suggested = Annotated[bool, typer.Option("--suggested", help="What the diagnosis names, in its order.")]
 
 
@@ -58,12 +58,7 @@ class Edit(StageAnswer):
         return ", ".join(parts) or "nothing was compared"
 
 
-def _add(
-    pipeline: File,
-    effects: Effects = None,
-    suggested: Suggested = False,
-    how: HowToRun = HowToRun(),
-) -> None:
+def _add(pipeline: File, effects: Effects = None, suggested: Suggested = False, how: HowToRun = HowToRun()) -> None:
     from pneucli.config import load, plugin_files
     from pneucli.physics.effects import all_effects, select_effects
 

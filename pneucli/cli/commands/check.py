@@ -9,7 +9,7 @@ import typer
 from pneucli.cli import console
 from pneucli.cli.command import Command, File, HowToRun
 
-More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.", show_default=False)]
+More = Annotated[list[Path] | None, typer.Argument(metavar="PIPELINE", help="More pipeline files.")]
 
 
 def _check(

@@ -10,10 +10,7 @@ from pneucli.cli.command import Command, File, HowToRun, law_names, run_stage
 def _design(
     pipeline: File,
     compare: Annotated[
-        str | None,
-        typer.Option(
-            "--compare", metavar="NAME,NAME...", help="Laws to run side by side; default: all.", show_default=False
-        ),
+        str | None, typer.Option("--compare", metavar="NAME,NAME...", help="Laws to run side by side; default: all.")
     ] = None,
     how: HowToRun = HowToRun(),
 ) -> None:

@@ -9,8 +9,8 @@ from pneucli.cli.command import Command, How, open_pipeline_file
 
 HELP = "Two runs side by side: effects, errors, parameters beyond their intervals, verdicts."
 _SIDE = "A pipeline file, which is compared first, or a folder of artifacts, which is read as it is."
-A = Annotated[Path, typer.Argument(metavar="A", help=_SIDE, show_default=False)]
-B = Annotated[Path, typer.Argument(metavar="B", help="Another one.", show_default=False)]
+A = Annotated[Path, typer.Argument(metavar="A", help=_SIDE)]
+B = Annotated[Path, typer.Argument(metavar="B", help="Another one.")]
 
 
 def _diff(a: A, b: B, how: How = How()) -> None:

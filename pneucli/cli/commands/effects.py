@@ -95,10 +95,9 @@ HELP = "The catalogue of physical effects, or one of them at length; with a pipe
 
 def _effects(
     first: Annotated[
-        str | None,
-        typer.Argument(metavar="PIPELINE", help="A pipeline file, for effects of its plugins.", show_default=False),
+        str | None, typer.Argument(metavar="PIPELINE", help="A pipeline file, for effects of its plugins.")
     ] = None,
-    second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.", show_default=False)] = None,
+    second: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Its name.")] = None,
     how: How = How(),
 ) -> None:
     from pneucli.physics.effects import all_effects, select_effects

@@ -26,7 +26,7 @@ def _list_conditions(wanted: bool) -> None:
 
 
 def _exam(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the exam.", show_default=False)],
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the exam.")],
     cases: Annotated[
         int, typer.Option("--cases", min=0, help="Cases with something hidden (60), for each condition.")
     ] = 60,
@@ -40,7 +40,6 @@ def _exam(
             "--seed",
             min=0,
             help="Another seed gives another exam; default: one from the hash of this program, which nobody chose.",
-            show_default=False,
         ),
     ] = None,
     condition: Annotated[
@@ -49,7 +48,6 @@ def _exam(
             "--condition",
             metavar="NAME",
             help="Repeatable: as many cases of each, by names that + joins to hold at once; default: usual.",
-            show_default=False,
         ),
     ] = None,
     list_conditions: Annotated[
@@ -64,7 +62,6 @@ def _exam(
             "--like",
             metavar="PIPELINE",
             help="Cases like this rig, its recordings and its noise: each effect at several sizes, and none.",
-            show_default=False,
         ),
     ] = None,
     repeats: Annotated[int, typer.Option("--repeats", min=1, help="Of each effect at each size, with --like (3).")] = 3,

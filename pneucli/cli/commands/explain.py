@@ -88,9 +88,7 @@ it shows to a pipeline of one recording:
 
 
 def _explain(
-    code: Annotated[
-        str | None, typer.Argument(metavar="CODE", help="Such as E042; default: all codes.", show_default=False)
-    ] = None,
+    code: Annotated[str | None, typer.Argument(metavar="CODE", help="Such as E042; default: all codes.")] = None,
     how: How = How(),
 ) -> None:
     kinds = fault_kinds()

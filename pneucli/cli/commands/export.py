@@ -43,8 +43,7 @@ def _export(
         ),
     ],
     controller: Annotated[
-        str | None,
-        typer.Option("--controller", metavar="NAME", help="Another than [design] names.", show_default=False),
+        str | None, typer.Option("--controller", metavar="NAME", help="Another than [design] names.")
     ] = None,
     precision: Annotated[
         Precision, typer.Option("--precision", help="Arithmetic of the C: double, or float for small targets.")

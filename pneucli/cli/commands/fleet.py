@@ -8,7 +8,7 @@ import typer
 from pneucli.cli import console
 from pneucli.cli.command import Command, Executor, How
 
-FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).", show_default=False)]
+FleetFile = Annotated[Path, typer.Argument(metavar="FLEET", help="The fleet file (TOML).")]
 Out = Annotated[
     str | None,
     typer.Option(
@@ -19,12 +19,7 @@ Out = Annotated[
 ]
 
 
-def _fleet(
-    fleet: FleetFile,
-    executor: Executor = None,
-    out: Out = None,
-    how: How = How(),
-) -> None:
+def _fleet(fleet: FleetFile, executor: Executor = None, out: Out = None, how: How = How()) -> None:
     from pneucli.config import load_fleet
     from pneucli.fleet import run as stage
     from pneucli.fleet.output import evaluate_checks

@@ -19,14 +19,12 @@ if TYPE_CHECKING:
 
 
 def _init(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to make.", show_default=False)],
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder to make.")],
     raw: Annotated[
         list[Path] | None,
         typer.Option("--from", metavar="RAW", help="A raw file, a folder or a glob; more may follow."),
     ] = None,
-    more: Annotated[
-        list[Path] | None, typer.Argument(metavar="RAW", help="More raw files.", show_default=False)
-    ] = None,
+    more: Annotated[list[Path] | None, typer.Argument(metavar="RAW", help="More raw files.")] = None,
     no_header: Annotated[
         bool, typer.Option("--no-header", help="Texts begin with numbers: columns by number.")
     ] = False,

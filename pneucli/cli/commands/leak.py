@@ -14,7 +14,6 @@ Files = Annotated[
     typer.Argument(
         metavar="FILE...",
         help="Raw files, or a pipeline file, whose [rig] then states volume, gas and ambient pressure.",
-        show_default=False,
     ),
 ]
 Volume = Annotated[str | None, typer.Option("--volume", metavar="V", help='Volume of the vessel: "2 l".')]
@@ -27,8 +26,7 @@ Limit = Annotated[
     ),
 ]
 Drift = Annotated[
-    str,
-    typer.Option("--drift", metavar="T", help="What the wall's temperature may change by (standard uncertainty)."),
+    str, typer.Option("--drift", metavar="T", help="What the wall's temperature may change by (standard uncertainty).")
 ]
 
 

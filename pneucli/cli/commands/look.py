@@ -9,9 +9,7 @@ import typer
 
 from pneucli.cli.command import Command, How, Page
 
-Files = Annotated[
-    list[Path], typer.Argument(metavar="FILE...", help="Raw files, folders or globs.", show_default=False)
-]
+Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Raw files, folders or globs.")]
 
 
 def _look(raw: Files, html: Page = None, how: How = How()) -> None:

@@ -15,25 +15,17 @@ TARGETS = ("csv", "st", "c")
 def _plan(
     pipeline: File,
     files: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[FILE]...", help="With --take: further recordings.", show_default=False),
+        list[Path] | None, typer.Argument(metavar="[FILE]...", help="With --take: further recordings.")
     ] = None,
     first: Annotated[
         bool, typer.Option("--first", help="For a rig without recordings: the first programme, from [rig] alone.")
     ] = False,
     minutes: Annotated[
         float | None,
-        typer.Option(
-            "--minutes",
-            metavar="M",
-            min=0.0,
-            help="Machine time at most; default: 3, with --first 5.",
-            show_default=False,
-        ),
+        typer.Option("--minutes", metavar="M", min=0.0, help="Machine time at most; default: 3, with --first 5."),
     ] = None,
     effects: Annotated[
-        str | None,
-        typer.Option("--effects", metavar="A,B...", help="Decide about these effects."),
+        str | None, typer.Option("--effects", metavar="A,B...", help="Decide about these effects.")
     ] = None,
     to: Annotated[
         str, typer.Option("--to", metavar="csv,st,c", help="Also a player of the commands as structured text or C.")

@@ -24,15 +24,11 @@ Source = Annotated[
     Path,
     typer.Argument(
         metavar="PIPELINE", help="The pipeline file, or a folder of artifacts, which is read as it is.",
-        show_default=False,
     ),
 ]  # fmt: skip
-Recording = Annotated[
-    str | None, typer.Argument(metavar="RECORDING", help="Its name; default: the worst one.", show_default=False)
-]
+Recording = Annotated[str | None, typer.Argument(metavar="RECORDING", help="Its name; default: the worst one.")]
 Channels = Annotated[
-    list[str] | None,
-    typer.Option("--channel", metavar="C", help="p1, p2, x, v, ... (repeatable); default: all.", show_default=False),
+    list[str] | None, typer.Option("--channel", metavar="C", help="p1, p2, x, v, ... (repeatable); default: all.")
 ]
 Save = Annotated[
     Path | None, typer.Option("--save", metavar="FILE", help="Write the picture: .png, .svg or .pdf.")

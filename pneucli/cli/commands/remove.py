@@ -9,14 +9,10 @@ from pneucli.cli.commands.add import change_effects
 from pneucli.errors import require_known
 
 HELP = "Remove effects from [model], identify anew, show the error before and after."
-Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.", show_default=False)]
+Effects = Annotated[list[str], typer.Argument(metavar="EFFECT", help="Names of effects.")]
 
 
-def _remove(
-    pipeline: File,
-    effects: Effects,
-    how: HowToRun = HowToRun(),
-) -> None:
+def _remove(pipeline: File, effects: Effects, how: HowToRun = HowToRun()) -> None:
     from pneucli.config import load
 
     present = load(pipeline).model.effects

@@ -14,7 +14,6 @@ def _report(
         typer.Option(
             "--thesis/--no-thesis",
             help="Also thesis.html: the figures of the source thesis with the data of this rig; default: as last time.",
-            show_default=False,
         ),
     ] = None,
     how: HowToRun = HowToRun(),

@@ -3,11 +3,7 @@
 from pneucli.cli.command import Command, Executor, File, HowToRun, executor_option, run_stage
 
 
-def _simulate(
-    pipeline: File,
-    executor: Executor = None,
-    how: HowToRun = HowToRun(),
-) -> None:
+def _simulate(pipeline: File, executor: Executor = None, how: HowToRun = HowToRun()) -> None:
     run_stage("simulate", pipeline, how, executor_option(executor) or None)
 
 
