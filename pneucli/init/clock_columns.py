@@ -112,6 +112,7 @@ def _with_fraction(columns: Sequence[Column]) -> Iterator[str]:
 def _fractions_in_a_second(seconds: Array, fraction: Column) -> float | None:
     """Return how many steps of a fraction make a second; None where it is no fraction of these seconds."""
     both = np.isfinite(seconds) & np.isfinite(fraction.values)
+    both[1:] &= (np.diff(seconds) != 0) | (np.diff(fraction.values) != 0)  # several rows may share a stamp
     whole, part = seconds[both], fraction.values[both]
     if part.size < 2 or part.min() < 0 or not np.ptp(part):
         return None
@@ -164,13 +165,14 @@ def _of_steps(columns: Sequence[Column]) -> Iterator[Column]:
     if any(_is_clock(column) for column in columns):
         return
     for steps in columns:
-        known = steps.finite_values
-        called = _is_name(_STEPS, steps) or (steps.unit and _is_name(_INTERVAL, steps))
+        known, said = steps.finite_values, read_name(steps, False)
+        unit = steps.unit or said.unit
+        called = _STEPS.fullmatch(" ".join(said.words)) or (steps.unit and _is_name(_INTERVAL, steps))
         if not called or not known.size or known.min() < 0 or np.median(known) <= 0:
             continue
         spread = float(np.median(np.abs(known - np.median(known))) / np.median(known))
         if spread < MAX_STEP_SPREAD and not is_increasing(known):
-            found = computed_column(f"cumsum({_quoted(steps)})", "time", steps.unit, columns)
+            found = computed_column(f"cumsum({_quoted(steps)})", "time", unit, columns)
             yield from (replace(one, scale=steps.scale) for one in found)
 
 

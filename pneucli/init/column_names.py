@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from pneucli.init.survey_types import Column
-from pneucli.io.file_units import RANGE, read_unit
+from pneucli.io.file_units import RANGE, read_unit, with_unit_last
 from pneucli.units import is_unit, same_dimension
 
 _DRIVES = (
-    "u op cmd command- valve- -valve ventil- -ventil stell- control- duty pwm vanne valvula ansteuer- drive- input "
+    "u op cmd command- valve- -valve vlv ventil- -ventil stell- control- duty pwm vanne valvula ansteuer- drive- input "
     "pump- relay- solenoid- magnet- switch- dac ao styr- ohjaus- sterow- rizen- vezerl- kumanda- comando mando stuur- "
     "szelep- управл- -阀- -弁- -指令-"
 )
@@ -68,7 +68,7 @@ DIFFERENCE = "dp delta diff- differ- differenz- -differenz verschil- δ δp d1p 
 # what recorders add, which is no signal of an axis
 NO_SIGNAL = "battery- batter- akku- gyro- gyr id uid heart- depth- altitude- elevation-"
 _RESULTS = "error err deviation abweichung fehler residual overshoot rmse std -norm"  # made of what was recorded
-_SPOOL = "spool- valve- -valve ventil- -ventil stem schieber- klappe- tiroir"
+_SPOOL = "spool- valve- -valve vlv ventil- -ventil stem schieber- klappe- tiroir"
 _TANK = "tank- kessel- reservoir- vessel- behalter- accumulator"
 _REFERENCE = "ref soll- -soll reference- set setpoint- sp target- desired des goal- qg sollwert demand consigne"
 _FIRST = "1 a pa i one first links left vorn front cap blind bottom boden kolbenseite head extend -无杆- -ヘッド-"
@@ -160,6 +160,11 @@ class ColumnName:
         return self.has(_VOLTAGE) and not self.has(_DRIVES)
 
     @property
+    def is_output(self) -> bool:
+        """Whether it is in volts or amperes of a sensor, whose scale people have to say."""
+        return self.kind in _SENSED and quantity_kind(self.unit) == "command"
+
+    @property
     def noun_words(self) -> list[str]:
         """The words that mean a quantity, but for time."""
         return [one for one in self.words if ColumnName((one,), "").nouns]
@@ -186,7 +191,8 @@ def signal_scores(name: ColumnName) -> Iterator[tuple[str, float]]:
     kind, nouns = name.kind, name.nouns
     if name.has(f"{_RESULTS} {NO_SIGNAL}") or (kind == "pressure" and name.has(_AMBIENT)):
         return
-    certainty = 1.0 + (kind in nouns) - 0.5 * name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}")
+    further = (name.has(f"{_DERIVED} {_MEANS} {_PLAIN_READINGS} {_COUNTED}"), name.is_output)
+    certainty = 1.0 + (kind in nouns) - 0.5 * sum(further)
     is_reference = name.has(_REFERENCE) or ("command" in nouns and kind != "command" and name.has(_COMMANDED))
     second = name.has(_SECOND)
     if kind == "pressure":
@@ -207,6 +213,7 @@ def _pressure_scores(name: ColumnName, certainty: float) -> Iterator[tuple[str, 
     """Yield how well a pressure's name fits each place: one that says none is a chamber's, a difference has none."""
     if name.has(DIFFERENCE):
         return
+    certainty -= 0.3 * name.has(_SPOOL)  # at the valve's port, and not in the chamber behind a hose
     if name.has(SUPPLY):
         yield "p_supply", certainty + 2.0  # more than a tank, whatever else it is called
     elif name.has(_TANK):
@@ -271,7 +278,10 @@ def _stem_and_unit(column: str, is_text: bool) -> tuple[str, str, bool]:
 
     The unit is empty where the end of the name is none.
     """
-    name = _VALUE.sub("", _NODE.sub("", _NOTE.sub("", _INNER.sub("", RANGE.sub("", column.strip()))))) or column.strip()
+    name = (
+        _VALUE.sub("", _NODE.sub("", _NOTE.sub("", _INNER.sub("", RANGE.sub("", with_unit_last(column.strip()))))))
+        or column.strip()
+    )
     if _DOTTED.fullmatch(name) and _NO_NAMES.fullmatch(name.rpartition(".")[2]):
         name = _telling_part(name)
     parts = name.split()

@@ -51,9 +51,9 @@ from pneucli.init.role_evidence import (
     without_alike,
 )
 from pneucli.init.survey_types import Column, Guess, Survey
-from pneucli.init.units import guess_unit, implausibility
+from pneucli.init.units import guess_unit, implausibility, read_state
 from pneucli.io.clock import continuous_stamps
-from pneucli.io.column_reader import stated_period
+from pneucli.io.column_reader import stated_period, tells_ticks
 from pneucli.io.signal_repairs import COMMANDS, MarkDetector
 from pneucli.io.timestamp_order import TimestampCheck
 from pneucli.quantities import ROTARY_UNITS, SIGNALS
@@ -202,7 +202,7 @@ def _column_guess(alike: Sequence[Survey], n: int, signal: str, name: ColumnName
     known = np.concatenate([one.columns[n].finite_values for one in alike])
     known = known[~np.isin(known, missing)]
     found = _in_unit_of_files(alike, replace(_unit_guess(column, signal, name, known), missing=missing), known)
-    found = _in_told_state(found, alike[0].state)
+    found = _in_told_state(found, read_state(column.name) or alike[0].state)
     doubt = implausibility(signal, found.unit, found.scale * known) if np.isfinite(found.scale) else ""
     if doubt and not found.unit_stated and signal not in COMMANDS:  # a command counts in whatever the bench takes
         written = f'the unit "{column.written}" is not known' if column.written else "no unit is stated"
@@ -305,6 +305,9 @@ def _clock_guess(found: Survey, column: Column, name: ColumnName) -> Guess:
 
 
 def _clock_in_its_unit(found: Survey, column: Column, name: ColumnName) -> Guess:
+    ticks = next((own for told, own in found.scalars.items() if tells_ticks(told) and own > 0), 0.0)
+    if ticks and not name.unit and not np.any(column.finite_values % 1):
+        return Guess(column, "time", "s", False, "", "ticks, as many a second as the file says", scale=1.0 / ticks)
     if name.unit in ("", "ms") and (counter := epoch_counter(column.finite_values)):
         unit, scale, what = counter
         return Guess(column, "time", unit, False, "", f"CHECK {what}", scale=scale)

@@ -307,7 +307,7 @@ def join_files_of_one_recording(surveys: Sequence[Survey]) -> FileGroup | None:
     return replace(kinds[0], further_files=kinds[1:])
 
 
-_RECORDED = {"p1", "p2", "x", "force", "flow"}  # of which a recording has one
+_RECORDED = {"p1", "p2", "force", "flow"}  # of which a recording has one
 
 
 def _clock_and_readings(guesses: Sequence[Guess]) -> tuple[Guess, list[Column]] | None:

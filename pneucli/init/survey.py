@@ -19,11 +19,12 @@ from pneucli.errors import InputError
 from pneucli.init.clock_columns import computed_clocks, is_increasing, may_be_clock, paired_clocks
 from pneucli.init.column_names import NOUNS, read_name
 from pneucli.init.role_evidence import pressure_behind_valve
+from pneucli.init.stated_scales import with_stated_scales
 from pneucli.init.survey_types import Column, Survey
 from pneucli.init.units import told_state
 from pneucli.io.clock import CounterClock, continuous_stamps
 from pneucli.io.delimited import DelimitedReader
-from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_file
+from pneucli.io.file_units import WrittenUnit, read_unit, unit_in_brackets, unit_in_file
 from pneucli.io.formats import is_text, open_raw, unpacked
 from pneucli.io.packed import named_as
 from pneucli.io.raw_file import ColumnKey, ColumnRequest, ColumnValues, RawFile, Reader
@@ -65,8 +66,8 @@ def long_table(columns: Sequence[Column], labels: Labels) -> list[Column]:
     The label is the column of text by which stamps rise within each channel; the value is the column of numbers that is
     no stamp and changes; of several stamps that of the source counts.
     """
-    stamps = [one for one in columns if _may_be_stamp(one)]
-    others = [one for one in columns if all(one is not stamp for stamp in stamps)]
+    stamps = computed_clocks(columns) or [one for one in columns if _may_be_stamp(one)]
+    others = [one for one in columns if not any(one is stamp or _is_part(one, stamp) for stamp in stamps)]
     values = [one for one in others if one.finite_values.size and np.ptp(one.finite_values) > 0]
     named = [one for one in values if _VALUE.fullmatch(one.name.rpartition("/")[2].strip())]
     if not stamps or not (len(values) == 1 or len(named) == 1):
@@ -138,6 +139,10 @@ def with_validity(
 
 def _valid_rows(column: Column, key: ColumnKey, good: str, rows: ColumnValues) -> Column:
     return replace(column, where=(key, good), values=np.where(rows.astype(bool), column.values, np.nan))
+
+
+def _is_part(column: Column, stamp: Column) -> bool:
+    return stamp.computed and f"`{column.key}`" in str(stamp.key)
 
 
 def _letters(name: str) -> str:
@@ -275,10 +280,10 @@ def _survey_text(raw: RawFile) -> Survey:
         raise InputError(str(raw.path), told, "rows of numbers", "say --skip-rows or --delimiter", code="E041")
     bare = replace(stated, delimiter=raw.delimiter)
     plain = raw.delimiter is None and _same_table(bare, reader)
-    columns, unused, runs = _shaped(reader, columns, labels)
-    anew = bool(reader.header_lines) and _starts_anew(columns, reader.header_lines)
-    parts = reader.header_lines + 1 if anew and not runs else 0
     lines = head_of(raw).lines
+    columns = with_stated_scales(columns, lines[:MAX_PREAMBLE_LINES], True)
+    columns, unused, runs = _shaped(reader, columns, labels)
+    parts = 0 if runs else _parts(columns, reader)
     scalars, state = stated_numbers(lines, found), told_state(lines[:MAX_PREAMBLE_LINES])
     return Survey(bare if plain else stated, True, columns, scalars, unused, parts, runs, state=state)
 
@@ -296,7 +301,7 @@ def _shaped(
         used = {one.where[0] for one in long if one.where is not None}
         used |= {key for key, own in labels.items() if all(map(is_unit, set(own)))}
         taken = {one.key for one in long}
-        further = [one for one in columns if one.key not in taken and not one.unit]
+        further = [one for one in columns if one.key not in taken and not one.unit and not _is_part(one, long[0])]
         beside = {one.name: [f"{value:g}" for value in one.values] for one in further} | dict(labels)
         return long, [*words, *(_counted(key, own) for key, own in beside.items() if key not in used)], []
 
@@ -327,12 +332,17 @@ def _counted(key: str, texts: Iterable[Any]) -> str:
     return f'"{key}": texts, {listed}' + ", ..." * (len(often) > MAX_TEXTS)
 
 
-def _starts_anew(columns: Sequence[Column], headers: int) -> bool:
-    """Return whether a clock goes back where the header stands again, or pauses as often as it does."""
+def _parts(columns: Sequence[Column], reader: DelimitedReader) -> int:
+    """Return how many recordings a text holds, between headers, comments or blank lines; 0 where it is one.
+
+    A clock goes back, or pauses, at each of them; where the header stands again it need go back but once.
+    """
     clock = next((one.finite_values for one in columns if is_increasing(one.finite_values)), np.empty(0))
     steps = np.diff(CounterClock().unwrap(clock)) if clock.size else clock
-    pauses = np.count_nonzero(steps > MIN_PAUSE * np.median(steps)) if steps.size else 0
-    return bool(np.any(steps < 0)) or pauses == headers
+    usual = np.median(steps) if steps.size else 0.0
+    back, pauses = (int(np.count_nonzero(own)) for own in (steps < 0, steps > MIN_PAUSE * usual))
+    marks = reader.parts - 1 if back or pauses else 0
+    return marks + 1 if marks and (marks in (back, pauses) or (back and reader.header_lines)) else 0
 
 
 def _same_table(raw: RawFile, reader: DelimitedReader) -> bool:
@@ -414,7 +424,9 @@ def _survey_binary(raw: RawFile) -> Survey:
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
     columns = [with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
-    scalars = {one.name: float(one.values[0]) for one in columns if one.values.size == 1} | _rate_of_group(columns)
+    single = (one for one in columns if one.values.size == 1)
+    units = {one.name: f" [{one.unit}]" * bool(one.unit and not unit_in_brackets(one.name)) for one in columns}
+    scalars = {one.name + units[one.name]: float(one.values[0]) for one in single} | _rate_of_group(columns)
     columns = [one for one in columns if one.values.size > 1]
     if not columns:
         raise InputError(

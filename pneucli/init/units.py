@@ -51,17 +51,21 @@ def guess_unit(signal: str, values: Array, *, angle: bool, written: str = "") ->
 
 def told_state(lines: Iterable[str]) -> ReferenceState | None:
     """Return the state of volumes of air that a line tells, such as "STP 25 C, 14.696 PSIA"; None where none does."""
-    for line in filter(_STATES.search, lines):
-        degrees, pressure = _DEGREES.search(line), _PRESSURE.search(line)
-        if degrees is None or pressure is None:
-            continue
-        unit = next(unit for unit in _PRESSURE_UNITS if unit.lower() == pressure[2].lower())
-        warmth = f"{degrees[1].replace(',', '.')} {'' if degrees[2] in 'kK' else '°'}{degrees[2].upper()}"
-        level = f"{pressure[1].replace(',', '.')} {unit}"
-        temperature, pascals = parse_quantity(warmth, "K"), parse_quantity(level, "Pa")
-        if REFERENCE_TEMPERATURES[0] <= temperature <= REFERENCE_TEMPERATURES[1] and abs(pascals - 1e5) < 5e3:
-            return ReferenceState(pascals / (R_DRY_AIR * temperature), f"{warmth} and {level}")
-    return None
+    return next(filter(None, map(read_state, filter(_STATES.search, lines))), None)
+
+
+def read_state(text: str) -> ReferenceState | None:
+    """Return the state of volumes of air that a temperature and a pressure in a text are; None where they are none."""
+    degrees, pressure = _DEGREES.search(text), _PRESSURE.search(text)
+    if degrees is None or pressure is None:
+        return None
+    unit = next(unit for unit in _PRESSURE_UNITS if unit.lower() == pressure[2].lower())
+    warmth = f"{degrees[1].replace(',', '.')} {'' if degrees[2] in 'kK' else '°'}{degrees[2].upper()}"
+    level = f"{pressure[1].replace(',', '.')} {unit}"
+    temperature, pascals = parse_quantity(warmth, "K"), parse_quantity(level, "Pa")
+    if not REFERENCE_TEMPERATURES[0] <= temperature <= REFERENCE_TEMPERATURES[1] or abs(pascals - 1e5) >= 5e3:
+        return None
+    return ReferenceState(pascals / (R_DRY_AIR * temperature), f"{warmth} and {level}")
 
 
 def _unit_at_ambient(values: Array) -> tuple[str, str] | None:

@@ -73,16 +73,25 @@ class ColumnReader(Reader):
         format: str,
         shapes: Mapping[str, Sequence[int]],
         load: Callable[[Collection[str]], Mapping[str, ColumnValues]],
+        texts: Collection[Sequence[str]] = (),
     ) -> ColumnReader:
-        """Return the reader of arrays by name, each a column or a matrix of them; ``load`` reads the named ones."""
+        """Return the reader of arrays by name, each a column or a matrix of them; ``load`` reads the named ones.
+
+        ``texts`` are the arrays of texts beside them, which may name the columns of a matrix and their units.
+        """
         owner = {column: name for name, shape in shapes.items() for column in column_names(name, shape)}
+        titles, units = dict[str, str](), dict[str, str]()
+        for name, shape in shapes.items():
+            called, said = titled(name, column_names(name, shape), texts)
+            titles, units = titles | called, units | {called.get(column, column): unit for column, unit in said.items()}
+        keys = {titles.get(column, column): column for column in owner}
 
         def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
-            arrays = load(dict.fromkeys(owner[name] for name in wanted).keys())
+            arrays = load(dict.fromkeys(owner[keys[name]] for name in wanted).keys())
             columns = {key: one for name, array in arrays.items() for key, one in split_columns(name, array).items()}
-            return [np.ravel(columns[name]) for name in wanted]
+            return [np.ravel(columns[keys[name]]) for name in wanted]
 
-        return cls(path, format, list(owner), fetch)
+        return cls(path, format, list(keys), fetch, units)
 
     def __post_init__(self) -> None:
         place = {name: number for number, name in enumerate(self.names)}
@@ -235,6 +244,15 @@ def titles_and_units(arrays: Iterable[Sequence[str]], count: int) -> tuple[Seque
     return next((own for own in told if own is not units and len({*own}) == count), ()), units
 
 
+def titled(
+    name: str, columns: Sequence[str], texts: Collection[Sequence[str]]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the titles and the units that arrays of texts give to the columns of a matrix, by column."""
+    called, said = titles_and_units(texts, len(columns))
+    titles = {column: f"{name}/{text}" for column, text in zip(columns, called, strict=False)}
+    return titles, dict(zip(columns, said, strict=False))
+
+
 STAMPS_TRIED = 20  # texts of a column that tell whether it holds dates and times
 _NO_NUMBER = frozenset(("", "nan", "none", "null", "-", "--", "n/a", "na"))
 
@@ -260,14 +278,16 @@ def clocks_by_group(names: Sequence[str], sizes: Mapping[str, int]) -> dict[str,
 _CLOCK_NAME = re.compile(
     r"(?i)(?:time(?:_s)?|t(?:_s)?|zeit|(?:time)?stamps?|tout|temps|tiempo|clock)\s*(?:[\[(].*[\])])?"
 )
-# what single values that say a rate, or the time between samples, are called
-_RATE_NAMES = re.compile(
-    r"(?i)^(?:fs|f_s|fsample|rate|(?:sampl\w*|scan|data|acquisition|record\w*|abtast|mess)[ _]?(?:rate|fre[qk]\w*))\b"
-)
+# what single values that say a rate, or the time between samples, are called, and the unit behind
+_CYCLE = r"sampl\w*?|scan|abtast|cycle|zyklus|task|aufzeichnungs"
+_TAKEN = rf"{_CYCLE}|data|acquisition|record\w*?|mess"
+_RATE_NAMES = re.compile(rf"(?i)(?:fs|f_s|fsample|rate|(?:{_TAKEN})[ _]?(?:rate|fre[qk]\w*?))(?![^\W_])")
 _PERIOD_NAMES = re.compile(
-    r"(?i)^(?:ts|t_s|d[tx]|delta(?:[ _]?[tx])?|tsample|sample[ _]?time|time[ _]?step|(?:x[ _]?)?increment|"
-    r"h[ _]?resolution|(?:(?:sampl\w*|scan|acquisition|record\w*|abtast|mess)[ _]?)?(?:intervall?|period))\b"
+    rf"(?i)(?:ts|t_s|d[tx]|isi|delta(?:[ _]?[tx])?|tsample|time[ _]?step|(?:x[ _]?)?increment|h[ _]?resolution|"
+    rf"zeitraster|(?:{_CYCLE})[ _]?(?:time|zeit|takt)|(?:(?:{_TAKEN})[ _]?)?(?:intervall?|period))(?![^\W_])"
 )
+_TICK_NAMES = re.compile(r"(?i)(?:ticks?|timer|counter|qpc)[ _]?(?:fre[qk]\w*|rate|per[ _]?s(?:ec\w*)?)(?![^\W_])")
+_UNIT_BEHIND = re.compile(r"[\W_]([A-Za-zµ]+)\W*$")
 SAME_RATE = 0.02  # by which two statements of one rate may differ
 
 
@@ -280,10 +300,15 @@ def stated_period(scalars: Mapping[str, float]) -> tuple[str, float] | None:
 
 
 def _factor_in(name: str) -> float:
-    """Return what one is in Hz or s, in the unit in brackets at the end of a name: ``Period (ns)``."""
-    unit = unit_in_brackets(name)
+    """Return what one is in Hz or s, in the unit at the end of a name: ``Period (ns)``, ``rate_kHz``."""
+    unit = unit_in_brackets(name) or (behind[1] if (behind := _UNIT_BEHIND.search(name)) else "")
     timed = is_unit(unit) and same_dimension(unit, "Hz" if is_rate(name) else "s")
     return parse_unit(unit).factor if timed else 1.0
+
+
+def tells_ticks(name: str) -> bool:
+    """Return whether a single value of this name is how many ticks of its counter a clock has in a second."""
+    return _TICK_NAMES.search(name) is not None
 
 
 def is_rate(name: str) -> bool:

@@ -33,6 +33,7 @@ from pneucli.io.text_layout import (
     in_bytes,
     is_value,
     lines_above,
+    part_bounds,
     table_end,
 )
 from pneucli.units import Dimension, Unit, parse_unit
@@ -118,6 +119,11 @@ class DelimitedReader(Reader):
             message = f"{stream.comment_lines} comment lines (#) among the rows were passed over"
             self.repairs.append(Repair("", "comment", stream.comment_lines, message))
 
+    @property
+    def parts(self) -> int:
+        """How many parts the file has, between headers that stand again, comments, or blank lines."""
+        return len(part_bounds(self._raw.path, self._look))
+
     def locate(self, row: int) -> str:
         """Return file and line of a data row."""
         number = next(islice((n for n, _ in self._rows()), row, None), 0)
@@ -181,6 +187,8 @@ class DelimitedReader(Reader):
 
     def _seconds(self, table: Any, ask: ColumnRequest) -> ColumnValues:
         texts = _array(table, ask.position)
+        if len(self._stamps) == 1:
+            texts = _with_stamps_above(texts)
         if ask.position in self._date_of:
             dates = _array(table, self._date_of[ask.position])
             texts = pc.binary_join_element_wise(pc.utf8_trim_whitespace(dates), pc.utf8_trim_whitespace(texts), " ")
@@ -315,6 +323,15 @@ def _array(table: Any, position: int) -> Any:
     return column.chunk(0) if column.num_chunks else pa.array([], column.type)
 
 
+def _with_stamps_above(texts: Any) -> Any:
+    """Return stamps, of which most rows have none, as they stand above: a logger wrote each but once."""
+    blank = pc.or_kleene(pc.is_null(texts), pc.equal(pc.utf8_trim_whitespace(texts), ""))
+    stamped = np.flatnonzero(~pc.fill_null(blank, True).to_numpy(zero_copy_only=False))
+    if stamped.size < MIN_STAMPS or 2 * stamped.size > np.ptp(stamped):
+        return texts
+    return pc.fill_null_forward(pc.if_else(blank, pa.scalar(None, pa.string()), texts))
+
+
 def _without_units(cells: Any, first: str) -> tuple[Any, Any]:
     """Return the numbers of cells with units, as texts, and what one of each unit is in the first; None: all alike.
 
@@ -348,6 +365,7 @@ def _dates_beside(look: TextLayout) -> dict[int, int]:
     }
 
 
+MIN_STAMPS = 3  # of a column that holds one now and then
 MAX_LINE_BYTES = 16 << 20  # bytes of a line
 _WORDS_BELOW = re.compile(rb"\n[ \t\r]*\n\s*\"?[A-Za-z\[(*=\x80-\xff]")
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*\n?", re.MULTILINE)

@@ -12,7 +12,8 @@ from pneucli.io.raw_file import Channel, RawFile, Reader, Repair
 from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_unit, same_dimension
 
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
-_AT_END = re.compile(r"[\s,]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
+_REMARK = re.compile(r"(\s*[\[(][^\[\]()]*[\])])\s*[;,:]\s*(\w+)$")  # behind a unit: "P1 (bar); AVE"
+_AT_END = re.compile(r"[\s,_]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
 RANGE = re.compile(
     r"(?<![\w.])[-+]?\d+(?:[.,]\d+)?\s*(?:\.{2,3}|[-–…]|to|bis)\s*[-+]?\d+(?:[.,]\d+)?\s*(?=[^\W\d])"
 )  # 0-10 V
@@ -46,10 +47,9 @@ class WrittenUnit:
 
 def unit_in_file(reader: Reader, place: int) -> WrittenUnit | None:
     """Return the unit that a file states for its column; None where it states none."""
-    in_name = _BRACKETED.search(reader.names[place])
+    name = with_unit_last(reader.names[place])
+    in_name, at_end, inner = _BRACKETED.search(name), _AT_END.search(name), _WITH_STATE.search(name)
     in_name = None if in_name and in_name[2].isdigit() else in_name  # an element of an array
-    at_end = _AT_END.search(reader.names[place])
-    inner = _WITH_STATE.search(reader.names[place])
     of_state = (f"{inner[1]} {inner[2]}", inner[1]) if inner else ()
     texts = [reader.units.get(place), at_end and at_end[1], *of_state, in_name and in_name[2]]
     found = [read_unit(text) for text in texts if text]
@@ -64,6 +64,15 @@ def unit_in_brackets(name: str) -> str:
     """Return what stands in brackets at the end of a name; empty where nothing does."""
     found = _BRACKETED.search(name)
     return found[2] if found else ""
+
+
+def with_unit_last(name: str) -> str:
+    """Return a name with what stands behind its unit before it.
+
+    >>> with_unit_last("P1 (bar); AVE")
+    'P1 AVE (bar)'
+    """
+    return _REMARK.sub(r" \2\1", name)
 
 
 def read_unit(text: str) -> WrittenUnit:

@@ -53,7 +53,7 @@ class Channel:
 class RawFile:
     """A raw file and its channels by signal; those in ``required`` must be there. ``None``: found from the file.
 
-    ``part`` counts (from 1) the tables of a text in which the header stands again; None: they are one table.
+    ``part`` counts (from 1) the tables of a text between headers or comments (:func:`part_bounds`); None: one table.
     ``ambient`` is the pressure (Pa) from which units of the file such as barg count.
     """
 

@@ -60,6 +60,7 @@ _REWRITINGS = (
     Rewriting(
         r"^(\d[\d.,:/T+-]*(?: \d[\d.,:]*)?)\s[^\n=}{]*?(?=\b[A-Za-z_]\w*[ ]?[:=][ ]?[-+]?\.?\d)", r"\1{}"
     ),  # words of a log between a stamp and the first key
+    Rewriting(r"^(\d{10}):(\d{1,9})(?={})", r"\1{}\2"),  # seconds since 1970, and nanoseconds
     Rewriting(rf"(?<=\d){_BLANK}(?=\d{{3}}(?!\d))", ""),  # between thousands
     Rewriting(_BLANK, " "),
     Rewriting("(?<![\\w.])−(?=[\\d.,])", "-"),  # the minus of typography
@@ -256,25 +257,43 @@ def detect_layout(raw: RawFile) -> TextLayout:
 
 
 def _part(raw: RawFile, look: TextLayout) -> TextLayout:
-    """Return the layout of one part of a file in which the header stands again: where it begins, and how long it is.
+    """Return the layout of one part of a file: where it begins, and how long it is.
 
     Raises InputError where the file has not so many parts.
     """
-    header = look.repeated[0] if look.repeated else ""
-    with raw.path.open(encoding=look.encoding, errors="replace", newline=look.line_end) as file:
-        at, ends, recent, total = list[int](), list[int](), deque[str](maxlen=MAX_LINES_ABOVE), 0
-        for total, line in enumerate(file, 1):
-            if line.strip() == header:
-                at.append(total)
-                ends.append(total - 1 - lines_above([*recent], header, look.delimiter))
-            recent.append(line)
-    if not at or not 1 <= (raw.part or 0) <= len(at):
-        found = f"part {raw.part} is asked for, and the header stands {len(at)} times in the file"
-        raise InputError(f"{raw.path}, key part", found, f"1 to {len(at)}", "change part", code="E047")
-    number = raw.part or 1
-    begin = at[number - 1] + len(look.repeated) - 1
-    end = ends[number] if number < len(at) else total
+    bounds = part_bounds(raw.path, look)
+    if not 1 <= (raw.part or 0) <= len(bounds):
+        found = f"part {raw.part} is asked for, and by headers, comments and blank lines the file has {len(bounds)}"
+        raise InputError(f"{raw.path}, key part", found, f"1 to {len(bounds)}", "change part", code="E047")
+    begin, end = bounds[(raw.part or 1) - 1]
     return replace(look, skip=begin, lines=end - begin)
+
+
+def part_bounds(path: Path, look: TextLayout) -> list[tuple[int, int]]:
+    """Return how many lines stand before each part of a file, and up to its end.
+
+    A part begins where the header stands again; where it stands once, below comments (#) or blank lines between rows.
+    """
+    header = look.repeated[0] if look.repeated else ""
+    at, ends, recent, total = list[int](), list[int](), deque[str](maxlen=MAX_LINES_ABOVE), 0
+    begins, last_rows, last_row = [look.skip], [0], look.skip  # where the header stands once
+    with path.open(encoding=look.encoding, errors="replace", newline=look.line_end) as file:
+        for total, line in enumerate(file, 1):
+            plain = line.strip()
+            if header and plain == header:
+                at.append(total + len(look.repeated) - 1)
+                ends.append(total - 1 - lines_above([*recent], header, look.delimiter))
+            elif plain[:1] not in ("", "#"):
+                last_row = max(total, look.skip)
+            elif last_row > begins[-1]:
+                begins.append(total)
+                last_rows.append(last_row)
+            else:
+                begins[-1] = max(total, look.skip)
+            recent.append(line)
+    if len(at) < 2:
+        at, ends = begins[: -1 if last_row < begins[-1] else None], last_rows
+    return [*zip(at, [*ends[1 : len(at)], total], strict=True)]
 
 
 def lines_above(lines: Sequence[AnyStr], header: AnyStr, delimiter: AnyStr) -> int:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from pneucli.errors import InputError, UnitError
 from pneucli.io.clock import is_date_or_time
-from pneucli.io.column_reader import is_rate, number_in, tells_rate
+from pneucli.io.column_reader import is_rate, number_in, tells_rate, tells_ticks
 from pneucli.io.file_units import unit_in_brackets
 from pneucli.io.raw_file import RawFile
 from pneucli.io.text_layout import (
@@ -102,10 +102,10 @@ def stated_numbers(lines: Sequence[str], found: SniffedLayout) -> dict[str, floa
     cut = [TextLayout("", found.delimiter, "", 0, ()).split(line) for line in lines[: found.skip_rows]]
     below = [f"{name}: {value}" for row, under in pairwise(cut) for name, value in zip(row, under, strict=False)]
     for line in (*lines, *below):
-        if (match := _STATED_NUMBER.match(line)) and tells_rate(match[1].strip()):
+        if (match := _STATED_NUMBER.match(line)) and (tells_rate(match[1].strip()) or tells_ticks(match[1])):
             name, unit = match[1].strip(), (match[2] or match[4] or "").strip()
             number = float(match[3].split(",")[0] if found.delimiter == "," else match[3].replace(",", "."))
-            wanted = "Hz" if is_rate(name) else "s"
+            wanted = "Hz" if is_rate(name) or tells_ticks(name) else "s"
             try:
                 numbers[name] = number * (parse_unit(unit).factor if unit and same_dimension(unit, wanted) else 1.0)
             except UnitError:
@@ -380,21 +380,26 @@ class _DelimitedTable:
     def _thousands(self) -> dict[int, str]:
         """Return the columns that have more than one mark in a number."""
         hits = {n: [_THOUSANDS.fullmatch(row[n]) for row in self._tail] for n in range(self.width)}
-        return {
+        found = {
             n: hit[1] or hit[2] or hit[3]
             for n, column in hits.items()
             for hit in [next(filter(None, column), None)]
             if hit
         }
+        if any(_POINT.fullmatch(field) for row in self._tail for field in row):  # a comma is no decimal mark there
+            fitting = (n for n, own in enumerate(self._there) if own and all(map(_GROUPED.fullmatch, own)))
+            found |= {n: "," for n in fitting if n not in found and any("," in text for text in self._there[n])}
+        return found
 
 
+_POINT, _GROUPED = re.compile(r"[+-]?\d+\.\d+"), re.compile(r"[+-]?\d{1,3}(?:,\d{3})*")
 _IN_WORDS = re.compile(r"([\w ]+?) in (\S+)")
 _VALUES = ("y", "value", "wert")  # below the name of a channel, beside its stamps
 _BEFORE_NAMES = re.compile(r"(?i)^[\s#%]*(?:(?:column|field)s?(?: names?)?\s*[:=])?\s*")  # "# columns: t, p1"
 _MARKS = ("%", ";", "//", "!")  # in front of a line of names, apart by a blank
 _TITLES = re.compile(
-    r"(?i)(?:channel |signal |trace)?names?|signals?|series|labels?|titles?|comments?|descriptions?|tags?|bezeichnung|"
-    r"kanalname"
+    r"(?i)(?:channel |signal |trace)?names?|signals?|waveforms?|series|labels?|titles?|comments?|descriptions?|tags?|"
+    r"bezeichnung|kanalname"
 )
 _STAMPED = re.compile(rf"{_TITLES.pattern}|X_Value")
 _SCALES = re.compile(r"(?i)(?:scale|scaling)(?:[ _]?factors?)?s?|factors?|multipliers?|gains?")

@@ -131,7 +131,8 @@ INTERVAL = re.compile(r"(−?[\d.]+) ± ([\d.]+)")
 # modules that write numbers for programs, or that lie below the formatter: none of an estimate
 FOR_PROGRAMS = {
     *("config/key_reference.py", "config/load.py", "config/value_types.py", "units.py"),  # what a file may hold
-    *("init/clock_columns.py", "init/columns.py", "init/components.py", "init/writer.py"),  # TOML
+    *("init/clock_columns.py", "init/columns.py", "init/components.py"),  # TOML
+    *("init/stated_scales.py", "init/writer.py"),  # the same
     "init/survey.py",  # names of runs
     *("exam/conditions.py", "exam/from_pipeline.py", "exam/laboratory.py"),
     *("exam/grades.py", "executors.py", "export/fmu/package.py", "export/fmu/plant.py"),

@@ -12,6 +12,7 @@ from typing import Any
 from pneucli.errors import InputError
 from pneucli.imports import library_of_extra
 from pneucli.io.formats.base import ZIP_MAGIC, Format
+from pneucli.io.text_layout import is_value
 from pneucli.paths import member_names
 
 _DAY_0 = datetime(1899, 12, 31)  # the day on which Excel's clock of hours begins
@@ -30,7 +31,9 @@ def _write_sheet(path: Path, folder: Path) -> Path:
     workbook = calamine.CalamineWorkbook.from_path(str(path))
     sheets = [workbook.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in workbook.sheet_names]
     longest: list[list[Any]] = max(sheets, key=_numeric_rows, default=[])
-    if not _numeric_rows(longest):
+    if not _numeric_rows(longest):  # numbers may be written as texts
+        longest = max(sheets, key=lambda rows: sum(is_value(str(value)) for row in rows for value in row), default=[])
+    if not any(is_value(str(value)) for row in longest for value in row):
         raise InputError(
             str(path), "no sheet of this Excel file holds numbers", "rows of numbers", "export it again", code="E041"
         )

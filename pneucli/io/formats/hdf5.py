@@ -28,6 +28,7 @@ from pneucli.io.formats.base import Format
 from pneucli.io.formats.matlab import LABELS, NUMBERS, only_objects
 from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues
+from pneucli.paths import natural_order
 
 _NO_NUMBERS = ("char", "cell", "string", "function_handle", "struct")
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -167,8 +168,12 @@ def unpacked(attributes: Mapping[str, Any], array: Any, factor: float, offset: f
     return np.where(lost, np.nan, values) if lost.any() else values
 
 
-def _packing(dataset: Any) -> tuple[float, float] | None:
-    return packing(dict(dataset.attrs), whole=dataset.dtype.kind in "iu")
+def _packing(dataset: Any, column: int | None = None) -> tuple[float, float] | None:
+    """Return the packing of a dataset, or of a column of a matrix whose attributes have a number for each."""
+    said, count = dict(dataset.attrs), len(column_names("", dataset.shape))
+    if column is not None:
+        said = {key: own[column] if np.shape(own) == (count,) and column < count else own for key, own in said.items()}
+    return packing(said, whole=dataset.dtype.kind in "iu")
 
 
 def _first(attributes: Any, key: str, otherwise: float) -> Any:
@@ -251,8 +256,8 @@ def _dataset_columns(name: str, dataset: Any, beside: Sequence[Any]) -> Iterator
 def _read(file: Any, place: Place) -> ColumnValues:
     if place.attribute is not None:
         return np.ravel(file[place.dataset].attrs[place.attribute])
-    attributes, packed = dict(file[place.dataset].attrs), _packing(file[place.dataset])
     dataset = file[place.dataset]
+    attributes, packed = dict(dataset.attrs), _packing(dataset, place.column)
     if dataset.is_virtual or dataset.external:  # where such a file is gone or cut, HDF5 reads 0
         where = f'{file.filename}, dataset "{place.dataset}"'
         mend = "write them into this one, as h5repack does"
@@ -291,15 +296,23 @@ def _titles_and_units(dataset: Any, count: int, texts: Sequence[Any]) -> tuple[S
     units = next((own for key, own in said.items() if key in ("unit", "units") and len(own) == count > 1), [])
     named = [own for key, own in said.items() if not key.startswith("unit")]
     titles, beside = titles_and_units([*named, *_texts_of(texts, count)], count)
-    return titles, units or beside or [_unit(dataset)] * count
+    told = units or beside or [_unit(dataset)] * count
+    packed = [_packing(dataset, number) if count > 1 else (1.0, 0.0) for number in range(count)]
+    return titles, ["counts" if own is None else unit for own, unit in zip(packed, told, strict=True)]
 
 
 def _texts_of(texts: Sequence[Any], count: int) -> Iterator[list[str]]:
-    """Yield the texts of each dataset that has one a column of a matrix: strings, or a cell array of MATLAB."""
-    for one in texts if count > 1 else ():
-        if one.size == count:
-            cells = np.ravel(one[()])
-            yield [as_text(cell) if isinstance(cell, str | bytes) else _letters(one.file, cell) for cell in cells]
+    """Yield the texts of each dataset that has one a column of a matrix: strings, or a cell array of MATLAB.
+
+    Or those of as many datasets of one text each, by the numbers in their names (RTXI).
+    """
+    cells = [(one, np.ravel(one[()])) for one in texts if count > 1 and one.size in (1, count)]
+    found = [
+        [as_text(cell) if isinstance(cell, str | bytes) else _letters(one.file, cell) for cell in own]
+        for one, own in sorted(cells, key=lambda pair: natural_order(Path(pair[0].name)))
+    ]
+    yield from (own for own in found if len(own) == count)
+    yield [own[0] for own in found if len(own) == 1]
 
 
 def _texts(attribute: Any) -> list[str]:

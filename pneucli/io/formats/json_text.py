@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,11 @@ from pneucli.io.packed import check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
 
 _SAMPLES, _STAMPS = ("values", "data", "samples", "y"), ("x", "time", "t", "timestamps")  # keys of a channel
-_ROWS, _SERIES = ("data", "values", "rows", "items"), ("target", "name", "externalId")  # keys of a table of a series
+_ROWS = ("data", "values", "rows", "items")  # keys of a table of a series
+_SERIES = ("target", "name", "externalId", "metric/__name__")  # paths of its name
+_UNITS = re.compile(r"(?i)(?:.*/)?units?/(?:.*/)?([^/]+)")  # of a map from names to units
 _FIELD = re.compile(r"[a-z]+_?\d+")  # names that number fields
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
 EXPANSION = 8  # bytes in memory for one of the text, at most: numbers of two digits become objects
 
 
@@ -26,23 +30,35 @@ def open_json(path: Path) -> ColumnReader:
     """List the columns: numbers, numbers and stamps as texts, and labels."""
     check_expanded_size(path, EXPANSION * path.stat().st_size)
     repairs: list[Repair] = []
-    reader = reader_of(path, JSON.name, _columns(path, repairs))
+    whole = _parsed(path, repairs)
+    said = dict(_leaves(whole, "")) if isinstance(whole, Mapping) else {}
+    units = {found[1]: str(unit) for key, unit in said.items() if (found := _UNITS.fullmatch(key))}
+    reader = reader_of(path, JSON.name, _columns(whole), units)
     reader.repairs += repairs
     return reader
 
 
-def reader_of(path: Path, format: str, columns: Mapping[str, ColumnValues]) -> ColumnReader:
-    """Return the reader of columns of numbers and of texts, which are numbers, stamps or labels."""
+def reader_of(
+    path: Path, format: str, columns: Mapping[str, ColumnValues], said: Mapping[str, str] = NO_UNITS
+) -> ColumnReader:
+    """Return the reader of columns of numbers and of texts, which are numbers, stamps or labels.
+
+    ``said``: the unit of columns by the last part of their names.
+    """
     texts = {name for name, values in columns.items() if values.dtype == object and is_label_column(values)}
-    return ColumnReader.of_columns(path, format, columns, {}, {}, texts=texts)
+    units = {name: said[last] for name in columns if (last := name.rpartition("/")[2]) in said}
+    return ColumnReader.of_columns(path, format, columns, units, {}, texts=texts)
 
 
-def _columns(path: Path, repairs: list[Repair]) -> dict[str, ColumnValues]:
+def _parsed(path: Path, repairs: list[Repair]) -> Any:
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
-        whole = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError:
-        whole = _lines(path, text, repairs)
+        return _lines(path, text, repairs)
+
+
+def _columns(whole: Any) -> dict[str, ColumnValues]:
     if isinstance(whole, list) and whole and all(isinstance(row, list) for row in whole):
         head = whole[0] if all(isinstance(name, str) for name in whole[0]) else []
         whole = {"columns": head or list(range(1, len(whole[0]) + 1)), "data": whole[bool(head) :]}
@@ -95,13 +111,14 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
     elif isinstance(node, Mapping):
         names = node.get("columns", node.get("header"))
         rows = next((node[key] for key in _ROWS if key in node), None)
-        name = next((str(node[key] or "") for key in _SERIES if key in node), "")
+        flat = dict(_leaves(node, ""))
+        name = next((str(flat[key] or "") for key in _SERIES if not isinstance(flat.get(key), list | None)), "")
         unit = node.get("unit", node.get("units"))
         if name and isinstance(rows, list) and rows and all(isinstance(row, Mapping) for row in rows):
             names, rows = [*rows[0]], [[row.get(key) for key in rows[0]] for row in rows]
         if isinstance(node.get("datapoints"), list):
             names, rows = ["value", "timestamp"], node["datapoints"]
-        elif isinstance(fields := dict(_leaves(node, "")).get("schema/fields"), list) and isinstance(rows, Mapping):
+        elif isinstance(fields := flat.get("schema/fields"), list) and isinstance(rows, Mapping):
             names, rows = (
                 [one.get("name") for one in fields],
                 list(map(list, zip(*rows.get("values", ()), strict=True))),
@@ -117,8 +134,9 @@ def _tables(node: Any) -> Iterator[tuple[str, list[str], list[list[Any]]]]:
             if all(isinstance(row, list) and len(row) == len(names) for row in rows):
                 yield f"{name} [{unit}]" if unit else name, [str(one) for one in names], rows
                 return
-        for one in node.values():
-            yield from _tables(one)
+        for key, one in node.items():  # a list of readings may stand under the name of its series
+            listed = isinstance(one, list) and one and isinstance(one[0], Mapping) and "value" in one[0]
+            yield from _tables({"name": key, "data": one} if listed and _reading(one[0]) is None else one)
 
 
 def _lines(path: Path, text: str, repairs: list[Repair]) -> list[Any]:
@@ -148,6 +166,12 @@ def _channel(node: Any) -> list[Any]:
     """Return the samples of an object that holds one channel, and no other list."""
     single = isinstance(node, Mapping) and sum(isinstance(own, list) for own in node.values()) == 1
     return _samples(node) if single else []
+
+
+def _reading(node: Any) -> Any:
+    """Return the value of an object that names one reading, as the metrics of Sparkplug do; None of others."""
+    value = node.get("value") if isinstance(node, Mapping) and isinstance(node.get("name"), str) else None
+    return value if isinstance(value, int | float | str) else None
 
 
 def _frame(whole: Any) -> Any:
@@ -189,8 +213,9 @@ def _lists_of_objects(nodes: Sequence[Any], *, deep: bool) -> list[list[Any]]:
 def _leaves(node: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for key, value in node.items():
         name = f"{prefix}/{key}".strip("/")
-        for one in value if isinstance(value, list) and any(map(_channel, value)) else [value]:
-            if samples := _channel(one):
+        listed = isinstance(value, list) and any(_channel(one) or _reading(one) is not None for one in value)
+        for one in value if listed else [value]:
+            if (samples := _channel(one) or _reading(one)) is not None:
                 named, unit = one.get("name", one.get("label", name)), one.get("unit", one.get("units"))
                 yield f"{named} [{unit}]" if unit else str(named), samples
             elif isinstance(one, Mapping):

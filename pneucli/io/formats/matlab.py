@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pneucli.errors import InputError
-from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns, titles_and_units
+from pneucli.io.column_reader import ColumnReader, clocks_by_group, column_names, split_columns, tells_rate, titled
 from pneucli.io.formats.base import Format
 from pneucli.io.packed import MIN_EXPANSION_LIMIT, check_expanded_size
 from pneucli.io.raw_file import ColumnValues, Repair
@@ -137,6 +137,7 @@ def open_mat(path: Path) -> ColumnReader:
     owner: dict[str, str] = {}
     units: dict[str, str] = {}
     clocks: dict[str, str] = {}
+    titles, own = dict[str, str](), dict[str, str]()
     sizes: dict[str, int] = {}
     for name, shape, kind in variables:
         if kind in _NUMBERS:
@@ -145,25 +146,25 @@ def open_mat(path: Path) -> ColumnReader:
             found = _load(path, [name])
             owner |= dict.fromkeys(found.columns, name)
             sizes |= {column: values.size for column, values in found.columns.items()}
-            units, clocks = units | found.units, clocks | found.clocks
+            units, clocks, titles = units | found.units, clocks | found.clocks, titles | found.titles
     objects = [name for name, _, kind in variables if kind in _OBJECTS and name]
     if objects and not owner:
         raise only_objects(path, objects)
-    read = {*owner.values()}
-    texts = [*_texts(path, [one for one in variables if one[0] not in read])]
-    titles, own = dict[str, str](), dict[str, str]()
+    listed = [name for name, _, kind in variables if kind in ("char", "cell") and name not in {*owner.values()}]
+    texts = {name: _listed_texts(array) for name, array in (_tree(path, listed) if listed else {}).items()}
     for name, columns in [(name, column_names(name, shape)) for name, shape, kind in variables if kind in _NUMBERS]:
-        called, said = titles_and_units(texts, len(columns))
-        titles |= {column: f"{name}/{text}" for column, text in zip(columns, called, strict=False)}
-        own |= dict(zip(columns, said, strict=False))
+        called, said = titled(name, columns, texts.values())
+        titles, own = titles | called, own | said
+        own |= dict(zip(columns, texts.get(f"{name}_units", ()), strict=False)) if len(columns) == 1 else {}
     keys = {titles.get(name, name): name for name in owner}
-    units |= {titles.get(name, name): unit for name, unit in own.items()}
+    units = {titles.get(name, name): unit for name, unit in (units | own).items()}
 
     def fetch(wanted: Sequence[str]) -> list[ColumnValues]:
         columns = _load(path, list(dict.fromkeys(owner[keys[name]] for name in wanted))).columns
         return [columns[keys[name]].ravel() for name in wanted]
 
     clocks = clocks or clocks_by_group(list(owner), sizes)
+    clocks = {titles.get(name, name): titles.get(clock, clock) for name, clock in clocks.items()}
     reader = ColumnReader(path, MATLAB.name, list(keys), fetch, units, own_clocks=clocks)
     if objects:
         message = f"{_listed_objects(objects)}, left out; {SAVE_AS_STRUCT}"
@@ -196,12 +197,10 @@ def _listed_objects(objects: Sequence[str]) -> str:
     return ", ".join(f'"{name}"' for name in objects[:5]) + ": objects of MATLAB (timeseries, timetable, Dataset)"
 
 
-def _texts(path: Path, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> Iterator[list[str]]:
-    """Yield the texts of each variable that is an array of them."""
-    listed = [name for name, shape, kind in variables if kind in ("char", "cell") and max(shape, default=0) > 1]
-    for array in map(np.ravel, _tree(path, listed).values() if listed else ()):
-        texts = [str(np.ravel(one)[0]) if np.size(one) == 1 else "" for one in array]
-        yield [text.strip() for text in texts]
+def _listed_texts(array: Any) -> list[str]:
+    """Return the texts of an array of them, empty where an element is none."""
+    cells = [np.ravel(one) for one in np.ravel(array)]
+    return [str(one[0]).strip() if one.size == 1 and one.dtype.kind in "US" else "" for one in cells]
 
 
 def _load(path: Path, variables: list[str]) -> StructColumns:
@@ -326,12 +325,14 @@ class StructColumns:
     """Columns by name, the unit of each, and the clock of those that have one of their own, both by name.
 
     A struct that holds one signal (Simulink's scopes and logs, dSPACE's experiments) has its numbers under ``values``
-    or ``Data`` and its name under ``label`` or ``Name``; the column is then called by that name.
+    or ``Data`` and its name under ``label`` or ``Name``; the column is then called by that name. ``titles`` are what
+    texts beside a matrix call its columns.
     """
 
     columns: dict[str, ColumnValues] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)
+    titles: dict[str, str] = field(default_factory=dict)
     _numbered: dict[str, int] = field(default_factory=dict)  # of dSPACE
 
     def add(self, node: Any, name: str) -> None:
@@ -367,9 +368,16 @@ class StructColumns:
         numbers = [key for key, leaf in flat.items() if _last(key) in NUMBERS and _is_numeric(leaf)]
         label = _text(fields, LABELS)
         if len(numbers) != 1 or not (label or labelled):
+            texts = [_listed_texts(value) for value in fields.values()]
             for key, value in fields.items():
-                self.add(value, f"{name}/{key}" if name else key)
+                own, before = f"{name}/{key}" if name else key, {*self.columns}
+                self.add(value, own)
+                added = [column for column in self.columns if column not in before]
+                called, said = titled(own, added, texts)
+                self.titles, self.units = self.titles | called, self.units | said
             return
+        for key in filter(tells_rate, fields):
+            self.add(fields[key], f"{name}/{key}")
         own = name if labelled else f"{name}/{label}"
         own = f"{own}/{sum(one.startswith(own) for one in self.columns) + 1}" if own in self.columns else own
         added = self._add_array(np.asarray(flat[numbers[0]]), own)

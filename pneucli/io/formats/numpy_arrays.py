@@ -20,7 +20,9 @@ def open_numpy(path: Path) -> ColumnReader:
     """List the columns; arrays of objects, which would run what the file says, are passed over."""
     owner: dict[str, str] = {}  # the array of each of the parts of arrays
     shapes: dict[str, tuple[int, ...]] = {}
+    texts: list[list[str]] = []
     for own, name, part in _parts(path):
+        texts += [np.ravel(part).tolist()] if part.dtype.kind == "U" else []
         if part.dtype.kind in "fiubmM":
             owner[own], shapes[own] = name, part.shape if part.dtype.kind in "fiub" else ()
 
@@ -28,7 +30,7 @@ def open_numpy(path: Path) -> ColumnReader:
         parts = _parts(path, dict.fromkeys(owner[own] for own in wanted))
         return {own: part for own, _, part in parts if own in wanted}
 
-    return ColumnReader.of_arrays(path, NUMPY.name, shapes, load)
+    return ColumnReader.of_arrays(path, NUMPY.name, shapes, load, texts)
 
 
 def _parts(path: Path, wanted: Iterable[str] | None = None) -> Iterator[tuple[str, str, Any]]:
@@ -64,5 +66,5 @@ NUMPY = Format(
     recognises=_is_npz,
     column="an array, a column `m/2`, a field",
     used="the unit of stamps and durations",
-    unused="arrays of objects, which would run what the file says",
+    unused="arrays of objects",
 )
