@@ -11,15 +11,15 @@ import numpy as np
 from pneucli.init.clock_columns import computed_column
 from pneucli.init.column_names import ABSOLUTE, GAUGE, quantity_kind, read_name
 from pneucli.init.survey_types import Column
+from pneucli.io.file_units import NUMBER, UP_TO
 from pneucli.units import is_count, is_unit
 
-MAX_OUTSIDE = 0.1  # of a sensor's range, that its readings may lie beyond it
-_NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
-_RANGE = rf"({_NUMBER})\s*(?:\.{{2,3}}|[-–…]|to|bis)\s*({_NUMBER})\s*"
+MAX_OUTSIDE = 0.1  # of a sensor's range beyond it: 21 mA, which tell a fault (NAMUR NE 43), are 0.06
+_RANGE = rf"({NUMBER}){UP_TO}({NUMBER})\s*"
 _OF_RANGE = re.compile(
     rf"{_RANGE}([^\W\d]*)\s*(?:=>?|->|→|:|corresponds to|entspricht)\s*{_RANGE}([^\W\d][\w²³/]*)\s*(\([^)]*\)|[^\W\d]*)"
 )  # 4-20 mA = 0-10 bar (gauge)
-_OF_ONE = re.compile(rf"({_NUMBER})\s*([^\W\d]+)\s*(?:/|per|pro|je)\s*([^\W\d][\w²³]*)")  # 200 counts/mm
+_OF_ONE = re.compile(rf"({NUMBER})\s*([^\W\d]+)\s*(?:/|per|pro|je)\s*([^\W\d][\w²³]*)")  # 200 counts/mm
 
 
 _ONE_OF_SEVERAL = re.compile(r"[^\W\d]+\d+|[^\W\d]")  # p2, or A: a line that names it is of no other

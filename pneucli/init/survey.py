@@ -424,9 +424,9 @@ def _survey_binary(raw: RawFile) -> Survey:
         clock = reader.names[reader.clocks[place]] if place in reader.clocks else None
         columns.append(replace(_column(reader, place, name, name, values), clock=clock))
     columns = [with_unit_beside(one, labels.get(f"{one.name.rpartition('/')[0]}/unit")) for one in columns]
-    single = (one for one in columns if one.values.size == 1)
-    units = {one.name: f" [{one.unit}]" * bool(one.unit and not unit_in_brackets(one.name)) for one in columns}
-    scalars = {one.name + units[one.name]: float(one.values[0]) for one in single} | _rate_of_group(columns)
+    single = [one for one in columns if one.values.size == 1]
+    told = [one.name if unit_in_brackets(one.name) or not one.unit else f"{one.name} [{one.unit}]" for one in single]
+    scalars = {name: float(one.values[0]) for name, one in zip(told, single, strict=True)} | _rate_of_group(columns)
     columns = [one for one in columns if one.values.size > 1]
     if not columns:
         raise InputError(

@@ -14,9 +14,9 @@ from pneucli.units import factor_and_offset, is_count, parse_scaled_unit, parse_
 _BRACKETED = re.compile(r"([\[(<])([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)?)[\])>]\s*$")
 _REMARK = re.compile(r"(\s*[\[(][^\[\]()]*[\])])\s*[;,:]\s*(\w+)$")  # behind a unit: "P1 (bar); AVE"
 _AT_END = re.compile(r"[\s,_]([A-Za-z]+\([A-Za-z]+\))$")  # a unit that has brackets of its own: "P1, bar(a)"
-RANGE = re.compile(
-    r"(?<![\w.])[-+]?\d+(?:[.,]\d+)?\s*(?:\.{2,3}|[-–…]|to|bis)\s*[-+]?\d+(?:[.,]\d+)?\s*(?=[^\W\d])"
-)  # 0-10 V
+NUMBER = r"[-+]?\d+(?:[.,]\d+)?"
+UP_TO = r"\s*(?:\.{2,3}|[-–…]|to|bis)\s*"
+RANGE = re.compile(rf"(?<![\w.]){NUMBER}{UP_TO}{NUMBER}\s*(?=[^\W\d])")  # 0-10 V
 _WITH_STATE = re.compile(r"\[([^\]]+)\]\s*\(([^()]*)\)\s*$")  # "Q [l/min] (ANR)", "p1 [bar] (abs)"
 _IN = re.compile(r"(?i)^in (?!lb|oz|h)")  # "Pressure (in bar)", and neither "in lb" nor "in Hg"
 _UNIT_LIKE = re.compile(r"(?=.*[A-Za-zµ°%])[\w\s.,@*/^·×²³⁻°%µ-]{1,24}")

@@ -19,7 +19,7 @@ _NAMES = ("name", "channel", "kanal", "signal", "kanalname")
 _UNITS = re.compile(r"(?i)(?:y[- ]?)?(?:units?|einheit)")
 _NUMBER = r"-?\d[\d.eE+-]*(?:,\d+)?"
 _FIRST_BLOCK = (  # comments, a key of the name, further keys, three rows of numbers
-    r"(?i)(?:[#%][^\n]*\n|\s*\n)*[#% ]*(?:name|channel|kanal|signal|kanalname)\s*[:=][^\n]*\n"
+    rf"(?i)(?:[#%][^\n]*\n|\s*\n)*[#% ]*(?:{'|'.join(_NAMES)})\s*[:=][^\n]*\n"
     rf"(?:[#% ]*[^\W\d][^\n:=]*[:=][^\n]*\n|\s*\n){{1,20}}(?:[ \t]*{_NUMBER}(?:[ \t]+{_NUMBER})*\s*\n){{3}}"
 )
 
